@@ -79,8 +79,6 @@ def topic_fault(channel: Channel, schema: Schema | None) -> str:
 
 
 METADATA = "metadata.yaml"
-# Extension of files that are compressed as a whole.
-_PACKED = ".zstd"
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -131,7 +129,8 @@ def _listed(directory: Path) -> list[str]:
 
 def _unpacked(part: Path) -> Path:
     plain = part.with_suffix("")
-    return plain if part.suffix == _PACKED and plain.is_file() else part
+    # Extension of files that are compressed as a whole.
+    return plain if part.suffix == ".zstd" and plain.is_file() else part
 
 
 def _by_name(directory: Path) -> list[Path]:

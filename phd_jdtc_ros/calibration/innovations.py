@@ -51,11 +51,6 @@ WRONG, SURE = 1.4, 2.5
 LEAST_BROKEN, BROKEN, FAR = 6, 0.6, 5.0
 
 
-# Smaller differences, in standard deviations of the noise, are rounding errors: the detections are
-# rounded, or are those of a track themselves, and show no noise.
-EXACT = 1e-4
-
-
 class Fit(NamedTuple):
     """Comparison of a radar's configured noise with its detections of tracks."""
 
@@ -240,7 +235,9 @@ def squares_of_differences(paths: FloatArray, slope: FloatArray) -> FloatArray:
     # A component that stays the same is rounded, and at a radar no azimuth has an error in metres.
     shows_none = (np.ptp(paths[:, :, 6:], axis=1) == 0.0) | (variance == 0.0)
     squares = along**2 / np.where(shows_none, np.nan, variance)
-    return np.where(squares < EXACT**2, np.nan, squares)
+    # Smaller differences, in standard deviations of the noise, are rounding errors: the detections
+    # are rounded, or are those of a track themselves, and show no noise.
+    return np.where(squares < 1e-4**2, np.nan, squares)
 
 
 def roots(squares: Sequence[FloatArray] | FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -26,13 +26,9 @@ from phd_jdtc_ros.transponders.transmitters import Dated
 from .checked import mapping, pair, read, read_list
 from .scenario import Scenario
 
-# Third word of the seeds of the reports' generators.
-STREAM = 4
 # Speeds up to which class A reports every 10 and every 6 s, metres per second, and the shortest
 # interval; class B reports every 30 s (ITU-R M.1371-5, annex 1, tables 1 and 2).
 CLASS_A, LEAST_S, CLASS_B_S = ((14.0 * messages.KNOT, 10.0), (23.0 * messages.KNOT, 6.0)), 2.0, 30.0
-# Time for which reports are collected to a cloud, as by `report_bridge`.
-PERIOD_NS = 500_000_000
 
 
 @dataclass(frozen=True)
@@ -111,14 +107,16 @@ def received(
     """Return the reports that a receiver gets, in the order of their receipt."""
     found: list[Received] = []
     for index, sender in enumerate(reception.transmitters):
-        rng = np.random.default_rng([seed, index, STREAM])
+        # Third word of the seeds of the reports' generators.
+        rng = np.random.default_rng([seed, index, 4])
         found += _of_transmitter(run, reception, sender, own, rng)
     return sorted(found, key=lambda each: each.receipt_ns)
 
 
 def batches(reports: Iterable[Received]) -> list[Batch]:
     """Return reports in batches, as the bridge collects them."""
-    collected = Batches(PERIOD_NS)
+    # Time for which reports are collected to a cloud, as by `report_bridge`.
+    collected = Batches(500_000_000)
     ended = [collected.add(each.report, each.receipt_ns) for each in reports]
     return [batch for batch in (*ended, collected.finish()) if batch is not None]
 

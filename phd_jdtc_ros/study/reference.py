@@ -28,8 +28,6 @@ from .tracker import SimulatedRun, Tracks
 # Largest number of linearisations and their convergence: strict, because the reference must add no
 # error of its own and one target costs little.
 ITERATIONS, CONVERGED = 10, 1e-5
-# Standard deviations of a birth in the reference scenario, m and m/s.
-BIRTH_STD = (200.0, 40.0)
 # Spectral density of the acceleration for straight flight, m^2/s^3: the best, and smallest, of the
 # values 0.001 to 10 on seeds 9000 to 9009 of the scenarios without turns.
 BEST_NOISE = 0.001
@@ -173,8 +171,9 @@ def known_association(run: SimulatedRun, lags: Sequence[int], noise_density: flo
         for truth in reversed(run.truth)
         for number, position in zip(truth.track_id, truth.position, strict=True)
     }
+    # Standard deviations of a birth in the reference scenario, m and m/s.
     targets = {
-        number: filter_target(run, number, birth(position, model, *BIRTH_STD), model)
+        number: filter_target(run, number, birth(position, model, 200.0, 40.0), model)
         for number, position in first.items()
     }
 

@@ -92,8 +92,6 @@ _LINKS = {
 # UDP ports of copies that switches send to a monitor.
 _MONITORS = {37008: _TZSP, 4789: _VXLAN}
 _PPP_LAYERS = {0x21: _IPV4, 0x57: _IPV6}
-# Smaller numbers in the place of an EtherType are lengths of IEEE 802.2.
-_LEAST_ETHERTYPE = 0x600
 _UDP, _GRE, _IN_IP = 17, 47, (4, 41)
 _OTHER_PROTOCOLS = {1: "icmp", 2: "igmp", 6: "tcp", 58: "icmp", 132: "sctp"}
 # Headers between that of IPv6 and UDP: options, routing and destination, fragments, authentication.
@@ -249,7 +247,8 @@ def _internet(data: bytes, layer: int, at: int) -> _Internet | str:
     if at >= len(data):
         return "packet_cut"
     if layer not in (_IPV4, _IPV6):
-        return "ieee_802_2" if 0 <= layer < _LEAST_ETHERTYPE else _OTHER_LAYERS.get(layer, "not_ip")
+        # Smaller numbers in the place of an EtherType are lengths of IEEE 802.2.
+        return "ieee_802_2" if 0 <= layer < 0x600 else _OTHER_LAYERS.get(layer, "not_ip")
     version = data[at] >> 4
     if len(data) < at + {4: 20, 6: 40}.get(version, 1):
         return "packet_cut"

@@ -149,9 +149,6 @@ ROUNDS, PASSES = 3, 3
 FAR, LEAST_WEIGHT = 2.5, 0.02
 # Search for the process noise: factor of a step, and largest number of steps.
 FACTOR, STEPS = 4.0, 8
-# OFF_COURSE sets the initial process noise: the displacement by acceleration between two scans, in
-# range standard deviations.
-OFF_COURSE = 0.5
 
 
 @dataclass(frozen=True)
@@ -317,7 +314,8 @@ def _noise_of_one_plot(
 def _first_density(radars: Sequence[TrackedRadar]) -> float:
     """Return an initial spectral density of the white acceleration, m^2/s^3."""
     position = min(float(each.noise_std[0]) for each in radars)
-    return 3.0 * (OFF_COURSE * position) ** 2 / max(each.look_s for each in radars) ** 3
+    # Acceleration displaces a target by half a standard deviation of range between two scans.
+    return 3.0 * (0.5 * position) ** 2 / max(each.look_s for each in radars) ** 3
 
 
 def _best_density(

@@ -25,8 +25,6 @@ from ..tuning.start import guess_of
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
 # Least number of clouds of each radar, and of plots in tracks.
 LEAST_CLOUDS, LEAST_PLOTS = 5, 20
-# Reports of an address are of one track up to this time between them, seconds.
-SILENT_S = 30.0
 # How far from the world's origin reports are seen from, metres.
 AWAY = 1e6
 
@@ -121,7 +119,8 @@ def tracked_reports(
     order = np.lexsort((reports.time_ns, reports.address, reports.space))
     same = (np.diff(reports.address[order]) == 0) & (np.diff(reports.space[order]) == 0)
     apart_s = np.diff(time_s[order])
-    tracks = np.split(order, np.flatnonzero(~same | (apart_s > SILENT_S)) + 1)
+    # Reports of an address are of one track up to this time between them, seconds.
+    tracks = np.split(order, np.flatnonzero(~same | (apart_s > 30.0)) + 1)
     pose = np.tile([-AWAY, 0.0, 0.0], (len(reports), 1))
     measurement = kinematics.linearise(reports.position, pose)[0]
     variance = np.einsum("mkk->mk", reports.covariance).mean(axis=1)

@@ -24,8 +24,6 @@ AGREE = 0.1
 NEAREST, FARTHEST = np.sqrt(2.0), 20.0
 # Largest delay of a copy, and largest difference of times in one look, in looks.
 LATEST, SAME = 2.5, 0.5
-# Copies are found if at least this share of the plots is of copies and of what they copy.
-LEAST_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,4 +85,5 @@ def _later(place: FloatArray, time_s: FloatArray, timing: Timing, std: float) ->
 
 
 def _if_many(found: Copies, plots: int) -> Copies | None:
-    return found if 2 * len(found.rows) >= LEAST_SHARE * plots else None
+    # Copies are found if at least this share of the plots is of copies and of what they copy.
+    return found if 2 * len(found.rows) >= 0.5 * plots else None

@@ -117,9 +117,6 @@ def update(
             covariance[k, i] = covariance[i, k]
 
 
-# The beam passes a target once a revolution: two plots of a track are at least this share of it
-# apart.
-LEAST_SPACING = 0.5
 # Prior probability that the target manoeuvres before a plot.
 MANOEUVRE_PROBABILITY = 0.1
 # A plot of a track with at least OWNING_HITS plots does not start another track.
@@ -171,7 +168,9 @@ def _looks(plots: Columns, earlier: int, later: int, rotation_s: float) -> float
 def _may_be_near(plots: Columns, track: int, plot: int, numbers: Numbers) -> bool:
     """Return whether a plot may be within the gate of a track, by a coarse upper bound."""
     dt = plots.time_s[plot] - plots.time_s[plots.last[track]]
-    if numbers.rotation_s > 0.0 and dt <= LEAST_SPACING * numbers.rotation_s:
+    # The beam passes a target once a revolution: two plots of a track are at least this share of it
+    # apart.
+    if numbers.rotation_s > 0.0 and dt <= 0.5 * numbers.rotation_s:
         return False
     mean, covariance = plots.mean[track], plots.covariance[track]
     east = plots.position[plot, 0] - mean[0] - dt * mean[2]

@@ -37,8 +37,6 @@ CLUTTER_PROBABILITY = 0.01
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
-# Relative error of multiples of a rounding step, for numbers in single precision.
-ROUNDED = 1e-3
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
 STEP, LEAST_RATIO = 1e-3, np.log(4.0)
 
@@ -141,7 +139,8 @@ def _step(value: FloatArray) -> float:
     if not len(steps) or 2 * len(steps) > len(value):
         return 0.0
     whole = steps / steps.min()
-    return float(steps.min()) if (np.abs(whole - np.rint(whole)) < ROUNDED * whole).all() else 0.0
+    # Relative error of multiples of a rounding step, for numbers in single precision.
+    return float(steps.min()) if (np.abs(whole - np.rint(whole)) < 1e-3 * whole).all() else 0.0
 
 
 def least_std(places: bool) -> tuple[float, ...]:

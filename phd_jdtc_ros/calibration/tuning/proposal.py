@@ -33,8 +33,6 @@ MOST_PROBABILITY = 0.999
 SHORTEST_LOOK_S = 1e-3  # The smallest interval_s
 # The parameters of the noise.
 NOISE = ("range_std", "azimuth_std_deg")
-# The motion model of a class of things at rest.
-STATIONARY = "stationary"
 # The engine whose measurement noise may have outliers.
 GAUSSIAN = "gaussian"
 # Causes of velocities that are so many times the changes of lengths.
@@ -356,8 +354,9 @@ def _units(found: Findings) -> Iterator[str]:
 def _knows_rest(values: Mapping[str, Any]) -> bool:
     """Return whether a class of a configuration is only stationary, which then decides."""
     motions = [values.get(f"{name}.motions") or () for name in values.get("classes", ())]
+    # The motion model of a class of things at rest.
     return any(
-        own and all(values.get(f"{motion}.model") == STATIONARY for motion in own)
+        own and all(values.get(f"{motion}.model") == "stationary" for motion in own)
         for own in motions
     )
 

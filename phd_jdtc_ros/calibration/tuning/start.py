@@ -19,8 +19,6 @@ from .tracks import LinkModel, Tracks, link_plots
 RANGES = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
 AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
-# The same speeds for places, which may be of people.
-OF_PLACES = (2.0, 8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
 # Guesses are compared on the first LOOKS looks of a recording, or on fewer, at least LEAST_LOOKS,
@@ -70,7 +68,8 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
 
 def _best_of_grid(plots: Plots, timing: Timing) -> list[tuple[Tracks, LinkModel]]:
     """Return the guesses that explain plots best, and their tracks, by descending score."""
-    noises, speeds = _noises(plots), OF_PLACES if plots.places else SPEEDS
+    # Places may be of people.
+    noises, speeds = _noises(plots), (2.0, 8.0, 160.0) if plots.places else SPEEDS
     ratio = log_target_ratio(plots, plots, Tracks((), 0.0))
 
     def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, LinkModel]:

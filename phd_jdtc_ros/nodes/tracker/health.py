@@ -185,10 +185,6 @@ def conflict_status(watch: Watch, node: str) -> DiagnosticStatus:
     return status_of(node, "conflicts", Condition(OK, text), values)
 
 
-# Largest number of findings that are told in words.
-MOST_TOLD = 10
-
-
 def reports_status(found: Estimates, node: str) -> DiagnosticStatus:
     """Return what self-reports say of the latest estimates, which is no fault of the tracker.
 
@@ -205,7 +201,8 @@ def reports_status(found: Estimates, node: str) -> DiagnosticStatus:
         "left": int(left.sum()),
         "alone": int(told.alone.sum()),
     }
-    for row in np.flatnonzero(dark | doubtful | left)[:MOST_TOLD].tolist():
+    # Largest number of findings that are told in words.
+    for row in np.flatnonzero(dark | doubtful | left)[:10].tolist():
         values[f"track_{found.track_id[row]}"] = told.reason_text(row, found.stamp_ns)
     text = ", ".join(f"{count} {name}" for name, count in values.items() if isinstance(count, int))
     return status_of(node, "self-reports", Condition(OK, text), values)

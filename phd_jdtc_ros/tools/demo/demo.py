@@ -44,8 +44,6 @@ from .processes import METRICS, PARAMETERS, RECORDING, Processes
 # The paper's filter as printed, and with its errors corrected, which the demo compares.
 PAPER = ("phd_as_printed", "phd")
 LOGS = "logs"
-# Directory of the results until the nodes have ended without failure, below the output directory.
-UNFINISHED = ".unfinished"
 # All files that a demo writes, relative to its output directory.
 ARTEFACTS = (
     METRICS,
@@ -192,7 +190,8 @@ def _work(arguments: argparse.Namespace) -> int:
 @contextmanager
 def _unfinished_results(out: Path) -> Iterator[Path]:
     """Yield a new directory below `out`, which is removed at the end."""
-    new = out / UNFINISHED
+    # It holds the results until the nodes have ended without failure.
+    new = out / ".unfinished"
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
     try:
