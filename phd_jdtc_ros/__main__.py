@@ -60,18 +60,17 @@ NODES = {
     "hand_over": "nodes.hand_over",
 }
 
-# Modules that a ROS installation has, and that the extra `ros` installs.
-ROS_PACKAGES = {
-    *("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs"),
-    *("lifecycle_msgs", "nav_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "sensor_msgs"),
-    *("std_msgs", "std_srvs", "visualization_msgs"),
-}
-# Other modules that an executable needs, with the extra that installs them.
-EXTRAS = {"aiohttp": "picture"}
-
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
     """Run an executable and return its exit status; `argv` without its name."""
+    # Modules that a ROS installation has, and that the extra `ros` installs.
+    ros_packages = {
+        *("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs"),
+        *("lifecycle_msgs", "nav_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "sensor_msgs"),
+        *("std_msgs", "std_srvs", "visualization_msgs"),
+    }
+    # Other modules that an executable needs, with the extra that installs them.
+    extras = {"aiohttp": "picture"}
     arguments = sys.argv[1:] if argv is None else argv
     use_one_thread()
     path = EXECUTABLES[name][0]
@@ -81,11 +80,11 @@ def run(name: str, argv: Sequence[str] | None = None) -> int:
         module = _module(path)
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
-        if missing in EXTRAS:
-            advice = f"pip install '.[{EXTRAS[missing]}]'"
+        if missing in extras:
+            advice = f"pip install '.[{extras[missing]}]'"
             print(f"{name}: {missing} is not installed: {advice}", file=sys.stderr)
             return 2
-        if missing not in ROS_PACKAGES:
+        if missing not in ros_packages:
             raise
         print(
             f"{name}: {missing} is not installed; source a ROS 2 installation, or install the "

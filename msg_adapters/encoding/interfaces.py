@@ -19,7 +19,6 @@ from .errors import RejectedMessageError
 
 # Serialises messages reproducibly; `decode` is the inverse.
 encode = cdr.encode
-_SEPARATOR = "=" * 80
 
 
 @cache
@@ -69,13 +68,14 @@ def type_hash(type_name: str) -> str:
 @cache
 def definition(type_name: str) -> str:
     """Return the definitions of a type and of all types that it contains, as ``ros2msg``."""
+    separator = "=" * 80
     description = json.loads(_share_file(type_name, ".json").read_text())["type_description_msg"]
     nested = [entry["type_name"] for entry in description["referenced_type_descriptions"]]
     parts = [_share_file(type_name, ".msg").read_text()]
     for name in nested:
         package, _, short = name.split("/")
         parts.append(f"MSG: {package}/{short}\n{_share_file(name, '.msg').read_text()}")
-    return f"\n{_SEPARATOR}\n".join(part.rstrip("\n") for part in parts) + "\n"
+    return f"\n{separator}\n".join(part.rstrip("\n") for part in parts) + "\n"
 
 
 def decode(data: bytes, type_name: str) -> Any:

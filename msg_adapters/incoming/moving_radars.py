@@ -36,8 +36,6 @@ POSE_TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
 LEAST_NORM, LARGEST_NORM = 0.5, 2.0
 # Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
 FARTHEST = 1e7
-# Those of the motion along the ground: ahead, to the left, and the yaw rate.
-LEVEL_AXES = 0, 1, 5
 
 
 def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
@@ -101,6 +99,8 @@ def _twist(message: Odometry) -> tuple[float, ...] | None:
     with a covariance of zeros is one that was never set. If that of a platform at rest looks the
     same, the poses show the rest.
     """
+    # Those of the motion along the ground: ahead, to the left, and the yaw rate.
+    level_axes = 0, 1, 5
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     sent = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     # Places of the variances in a twist's covariance of 6 x 6.
@@ -110,9 +110,9 @@ def _twist(message: Odometry) -> tuple[float, ...] | None:
         abs(rate) <= 1e3 and variance >= 0.0  # False for NaN
         for rate, variance in zip(map(float, sent), variances, strict=True)
     ]
-    if not all(known[axis] for axis in LEVEL_AXES):
+    if not all(known[axis] for axis in level_axes):
         return None
-    is_set = any(float(sent[axis]) or variances[axis] for axis in LEVEL_AXES)
+    is_set = any(float(sent[axis]) or variances[axis] for axis in level_axes)
     twist = [float(rate) if used else 0.0 for rate, used in zip(sent, known, strict=True)]
     return tuple(twist) if is_set else None
 
@@ -124,10 +124,6 @@ def _attitude(turn: Quaternion) -> tuple[float, tuple[float, float]]:
     if not LEAST_NORM <= norm <= LARGEST_NORM:  # also true for NaN
         return math.nan, LEVEL
     return attitude((turn.x, turn.y, turn.z, turn.w))[:2]
-
-
-# Longest name of a frame.
-MOST_LETTERS = 256
 
 
 def plain(frame: str) -> str:
@@ -191,9 +187,11 @@ def _unpacked(data: bytes) -> list[tuple[str, str, int, int, tuple[float, ...]]]
 def _checked(
     parent: str, child: str, sec: int, nanosec: int, numbers: tuple[float, ...]
 ) -> Transform:
+    # Longest name of a frame.
+    most_letters = 256
     what = f"transform of {quote(child)} in {quote(parent)}"
-    if not (parent and child) or parent == child or max(len(parent), len(child)) > MOST_LETTERS:
-        text = f"{what}, must be two names of at most {MOST_LETTERS} letters"
+    if not (parent and child) or parent == child or max(len(parent), len(child)) > most_letters:
+        text = f"{what}, must be two names of at most {most_letters} letters"
         raise RejectedMessageError("frame", text)
     if sec < 0 or nanosec >= stamps.NS_PER_S:
         raise RejectedMessageError("schema", f"{what}: stamp {sec} s {nanosec} ns is invalid")

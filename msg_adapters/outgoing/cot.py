@@ -18,8 +18,6 @@ from ..encoding import stamps
 from ..targets import geodetic, vertical
 from ..targets.tracks import rows_by_track
 
-# A height and its error if they are not known.
-UNKNOWN_HEIGHT = 'hae="9999999.0" le="9999999.0"'
 # Types of an atom with its affiliation and dimension, as far as they go.
 TYPE = re.compile(r"a-[a-z]-[A-Z](-[A-Za-z0-9]+)*")
 
@@ -50,13 +48,15 @@ def events(
     axis of the position's ellipse, and ``le`` that of the height, metres. An identifier belongs to
     a track of a tracker's `run`. `manual` has the names and the friends.
     """
+    # A height and its error if they are not known.
+    unknown_height = 'hae="9999999.0" le="9999999.0"'
     places, up = geodetic.of(found, plane), vertical.of(found)
     identities, words = vertical.identities(found), vertical.words(found, plane.origin[2])
     axes = np.sqrt(np.maximum(np.linalg.eigvalsh(found.position_covariance)[:, -1], 0.0))
     stale = stamps.to_iso(found.stamp_ns + round(stale_s * 1e9))
     now, sent = stamps.to_iso(found.stamp_ns), []
     for track, row in rows_by_track(found):
-        class_id, height = int(found.class_id[row]), UNKNOWN_HEIGHT
+        class_id, height = int(found.class_id[row]), unknown_height
         if up.known[row]:
             std = math.sqrt(up.covariance[row, 0, 0])
             height = f'hae="{places.height[row]:.1f}" le="{std:.1f}"'

@@ -23,7 +23,6 @@ from ..targets import geodetic, vertical
 from ..targets.tracks import rows_by_track
 
 MILE = 1852.0
-KNOT = MILE / 3600.0
 
 
 class Target(NamedTuple):
@@ -98,6 +97,7 @@ def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: boo
     negative after it. Speeds and courses are those over ground. Without a plane the world's y axis
     is true north. A relative message begins with own ship's heading, and is empty if that is NaN.
     """
+    knot = MILE / 3600.0
     x, y = own.position
     north = 0.0
     if plane is not None:
@@ -111,7 +111,7 @@ def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: boo
         made_good = ",P,,P"
         if not any(map(math.isnan, own.velocity)):
             course = _degrees(math.atan2(*own.velocity) + north)
-            made_good = f"{course},P,{math.hypot(*own.velocity) / KNOT:.1f},P"
+            made_good = f"{course},P,{math.hypot(*own.velocity) / knot:.1f},P"
         sentences.append(_sentence(f"RAOSD,{_degrees(heading)},A,{made_good},,,N"))
     for target in targets:
         place, velocity = (
@@ -122,7 +122,7 @@ def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: boo
         values = [
             f"{np.hypot(*line) / MILE:.3f}",
             f"{_degrees(math.atan2(*line) + north - zero)},{mark}",
-            f"{speed / KNOT:.1f}",
+            f"{speed / knot:.1f}",
             _degrees(math.atan2(*velocity) + north - zero) if speed > geodetic.LEAST_SPEED else "",
             f"{mark},{_approach(line, velocity - own.velocity)},N",
         ]

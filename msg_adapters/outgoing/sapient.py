@@ -20,14 +20,12 @@ from ..encoding import stamps
 from ..targets import geodetic, vertical
 from ..targets.tracks import rows_by_track
 
-VERSION = "BSI Flex 335 v2.0"
-# The digits of a ULID, which has 48 bits of a time, milliseconds, and 80 bits that are unique.
-DIGITS = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
-
 
 def _ulid(time_ms: int, unique: uuid.UUID) -> str:
+    # The digits of a ULID, which has 48 bits of a time, milliseconds, and 80 bits that are unique.
+    digits = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
     number = time_ms << 80 | unique.int & (1 << 80) - 1
-    return "".join(DIGITS[number >> shift & 31] for shift in range(125, -5, -5))
+    return "".join(digits[number >> shift & 31] for shift in range(125, -5, -5))
 
 
 def _message(stamp_ns: int, run: uuid.UUID, **content: Any) -> bytes:
@@ -44,6 +42,7 @@ def registration(
     stamp_ns: int, run: uuid.UUID, class_names: Sequence[str], interval_s: float
 ) -> bytes:
     """Return the message with which a connection begins; status reports come every `interval_s`."""
+    version = "BSI Flex 335 v2.0"
     seconds = {"units": "TIME_UNITS_SECONDS"}
     place = {
         "location_units": "LOCATION_COORDINATE_SYSTEM_LAT_LNG_DEG_M",
@@ -74,7 +73,7 @@ def registration(
     }
     content = {
         "node_definition": [{"node_type": "NODE_TYPE_FUSION_NODE"}],
-        "icd_version": VERSION,
+        "icd_version": version,
         "name": "phd_jdtc_ros",
         "capabilities": [{"category": "tracker", "type": "classification"}],
         "status_definition": {"status_interval": {**seconds, "value": interval_s}},

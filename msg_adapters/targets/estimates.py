@@ -35,7 +35,6 @@ _IDENTITIES = ("code", "address")
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
 PRESSURE = "pressure_altitude"
 OWNER, MEMBER = "owner", "member_"
-_UNKNOWN_AS_NAN = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES, PRESSURE)
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -123,6 +122,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
 
     Raise `RejectedMessageError`; see `point_cloud.decode` and `stamps.of_header`.
     """
+    unknown_as_nan = ("z", "vz", *_VERTICAL, *_CROSS, *_AGES, PRESSURE)
     classes = [f"p_class_{index}" for index in range(class_count(cloud))]
     if not classes:
         raise RejectedMessageError("schema", "field 'p_class_0' is missing")
@@ -155,7 +155,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in _UNKNOWN_AS_NAN + reported.FLOATS}
+        {n: column for n, column in columns.items() if n not in unknown_as_nan + reported.FLOATS}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)

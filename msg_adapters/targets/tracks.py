@@ -30,8 +30,6 @@ from . import vertical
 
 # Variance of quantities that a planar track does not estimate: height, roll, pitch and their rates.
 UNKNOWN_VARIANCE = 1e6
-# Variance of an angle that is uniform over the circle.
-LARGEST_YAW_VARIANCE = math.pi**2 / 3.0
 
 
 @dataclass(frozen=True)
@@ -131,16 +129,18 @@ def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
 
 def pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of x, y, z, roll, pitch, yaw."""
+    # Variance of an angle that is uniform over the circle.
+    largest_yaw_variance = math.pi**2 / 3.0
     to_pose = np.zeros((6, len(state)))
     to_pose[0, X] = to_pose[1, Y] = 1.0
     square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
     to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
     yaw_variance = float(to_pose[5] @ covariance @ to_pose[5])
-    if not 0.0 < yaw_variance <= LARGEST_YAW_VARIANCE:  # the direction is undetermined
+    if not 0.0 < yaw_variance <= largest_yaw_variance:  # the direction is undetermined
         to_pose[5] = 0.0
     propagated: FloatArray = to_pose @ covariance @ to_pose.T
     if not to_pose[5].any():
-        propagated[5, 5] = LARGEST_YAW_VARIANCE
+        propagated[5, 5] = largest_yaw_variance
     propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
     return propagated
 

@@ -10,9 +10,6 @@ from phd_jdtc_ros.core.types import Truth
 
 from ..encoding import point_cloud, stamps
 
-_FLOATS = ("x", "y", "z", "vx", "vy", "vz")
-_IDS = ("track_id", "class_id")
-
 
 def to_msg(truth: Truth, frame: str) -> PointCloud2:
     """Encode the targets at one stamp: ``x y z vx vy vz track_id class_id``."""
@@ -38,7 +35,9 @@ def from_msg(cloud: PointCloud2) -> Truth:
 
     Raise `RejectedMessageError`; see `point_cloud.decode` and `stamps.of_header`.
     """
-    wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
+    floats = ("x", "y", "z", "vx", "vy", "vz")
+    ids = ("track_id", "class_id")
+    wanted = dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(ids, point_cloud.UNSIGNED)
     columns = point_cloud.decode(cloud, wanted)
     point_cloud.require_finite(columns)
     state = np.zeros((len(columns["x"]), len(PLANAR)))

@@ -31,11 +31,6 @@ DEFAULTS: Mapping[str, Any] = {
     "detection_births.turn_rate_std": 0.02,
     "detection_births.least_probability": 0.005,
 }
-# Those of sensors, by kind.
-SENSOR_DEFAULTS: Mapping[str, Mapping[str, Any]] = {
-    "radar": {"fields.amplitude": "", "detection_probability": 0.9},
-    "position": {},
-}
 # Parameters without a default; the user or a recording must provide them. Those of sensors by kind.
 REQUIRED = ("interval_s",)
 REQUIRED_OF_SENSORS: Mapping[str, Sequence[str]] = {
@@ -117,14 +112,19 @@ class Parameters:
 
     def values(self, columns: Collection[str] = ()) -> dict[str, Any]:
         """Return the parameters that differ from the node's, for a table with these columns."""
+        # Those of sensors, by kind.
+        sensor_defaults = {
+            "radar": {"fields.amplitude": "", "detection_probability": 0.9},
+            "position": {},
+        }
         if self.for_node:
             return {**self.found, **self.given}
         known = {**self._usable(), **self.given}
         values = dict(DEFAULTS)
         for name in self.radars:
             kind = known.get(f"{name}.kind", self._kind_of(name, columns))
-            kind = kind if kind in SENSOR_DEFAULTS else next(iter(SENSOR_DEFAULTS))
-            usual = {**SENSOR_DEFAULTS[kind], **_fields(kind, columns)}
+            kind = kind if kind in sensor_defaults else next(iter(sensor_defaults))
+            usual = {**sensor_defaults[kind], **_fields(kind, columns)}
             values.update({f"{name}.{what}": value for what, value in usual.items()})
             # A given rate stays.
             is_given = f"{name}.clutter_rate" in known

@@ -46,9 +46,6 @@ from .tables import (
     with_column,
 )
 
-# Largest order p of OSPA and GOSPA.
-MOST_ORDER = 100.0
-
 
 def evaluate(
     truth: Table,
@@ -93,10 +90,12 @@ def evaluate(
     UserWarning
         If some rows have no label, or that of another row of their time.
     """
+    # Largest order p of OSPA and GOSPA.
+    most_order = 100.0
     if not (_is_number(cutoff) and cutoff > 0.0):
         raise ValueError(f"cutoff: {short(repr(cutoff))} given, must be a number above 0")
-    if not (_is_number(order) and 1.0 <= order <= MOST_ORDER):
-        raise ValueError(f"order: {short(repr(order))} given, must be from 1 to {MOST_ORDER:g}")
+    if not (_is_number(order) and 1.0 <= order <= most_order):
+        raise ValueError(f"order: {short(repr(order))} given, must be from 1 to {most_order:g}")
     true, found = columns_of(truth), columns_of(tracks)
     for table, columns in (("truth", true), ("tracks", found)):
         _require_finite(table, columns)

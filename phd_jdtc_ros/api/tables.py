@@ -26,13 +26,6 @@ Table: TypeAlias = Any
 
 # Latest time that 64 bits of nanoseconds can count, seconds.
 LATEST_S = 9.2e9
-# Seconds, or milliseconds, after which times of a clock begin again.
-CLOCKS = {
-    86_400.0: "seconds of the day",
-    604_800.0: "seconds of the GPS week",
-    86_400e3: "milliseconds of the day",
-    604_800e3: "milliseconds of the GPS week",
-}
 # Times are refused if their resolution is more than half of the usual step, and of the second one
 # of these; steps longer than the first one are no scans.
 LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 0.06
@@ -237,8 +230,15 @@ def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
 
 def _unrolled(name: str, columns: Columns, seconds: FloatArray) -> FloatArray:
     """Return times that go on where a clock began again, with a warning."""
+    # Seconds, or milliseconds, after which times of a clock begin again.
+    clocks = {
+        86_400.0: "seconds of the day",
+        604_800.0: "seconds of the GPS week",
+        86_400e3: "milliseconds of the day",
+        604_800e3: "milliseconds of the GPS week",
+    }
     steps = np.diff(seconds)
-    for turn, what in CLOCKS.items():
+    for turn, what in clocks.items():
         large = steps[np.abs(steps) > 0.5 * turn]
         if not (large < 0.0).any() or seconds.max() > turn + 1.0:  # a leap second
             continue

@@ -32,8 +32,6 @@ MEMORY = 400
 # Largest number of tracks that are compared with a radar's detections of a scan, drawn at random.
 # Medians of `MEMORY` innovations need no more.
 SAMPLE = 50
-# Factor by which a track's detection must be nearer than the next one, and than to other tracks.
-APART = 3.0
 # Largest age of an estimate that is compared, and time between two detections of a difference, in
 # scans of the slowest radar.
 MAX_AGE_SCANS = 2.5
@@ -196,11 +194,14 @@ class InnovationMonitor:
 
 def _pairs(position: FloatArray, world: FloatArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     """Return those of some tracks that have an unambiguous detection, and their detections."""
+    # Factor by which a track's detection must be nearer than the next one, and than to other
+    # tracks.
+    apart = 3.0
     to_detections, column = _nearest_two(position[rows], world)
-    clear = to_detections[:, 1] >= APART * to_detections[:, 0]
+    clear = to_detections[:, 1] >= apart * to_detections[:, 0]
     rows, column, distance = rows[clear], column[clear], to_detections[clear, 0]
     to_tracks, _ = _nearest_two(world[column], position)
-    clear = to_tracks[:, 1] >= APART * distance
+    clear = to_tracks[:, 1] >= apart * distance
     return rows[clear], column[clear]
 
 
@@ -219,7 +220,7 @@ def _nearest_two(places: FloatArray, others: FloatArray) -> tuple[FloatArray, In
 
 
 def squares_of_differences(paths: FloatArray, slope: FloatArray) -> FloatArray:
-    """Return squared third differences relative to the noise, (Q, 2); NaN where they are `EXACT`.
+    """Return squared third differences relative to the noise, (Q, 2); NaN where they are exact.
 
     They are along the components of a measurement, whose slopes by the position at the last
     detections are `slope`, (Q, 2, 2). `paths`, (Q, 4, 8), is as in `_Memory`.

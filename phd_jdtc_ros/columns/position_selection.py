@@ -27,8 +27,6 @@ from .selection import (
     plausible_heights,
 )
 
-# A larger correlation makes a covariance singular in single precision.
-MOST_CORRELATION = 0.9999
 # No coordinate or range of a target is larger, metres.
 MOST_METRES = 1e9
 EVERYWHERE = Area.rectangle(-MOST_METRES, -MOST_METRES, MOST_METRES, MOST_METRES)
@@ -158,10 +156,12 @@ def _noise(columns: Columns, kept: BoolArray) -> tuple[FloatArray | None, FloatA
 
     Both are NaN where the covariance is not positive definite, or not known.
     """
+    # A larger correlation makes a covariance singular in single precision.
+    most_correlation = 0.9999
     std, bad = _pair(columns, ("x_std", "y_std"), kept, RANGE_STDS)
     if std is None or not np.isfinite(std).any():
         return None, None, bad
-    bounds = (-MOST_CORRELATION, MOST_CORRELATION)
+    bounds = (-most_correlation, most_correlation)
     correlation, indefinite = kept_values(columns, "correlation", kept, bounds)
     if correlation is not None:
         sent = columns["correlation"][kept]

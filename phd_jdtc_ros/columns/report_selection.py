@@ -15,10 +15,6 @@ from phd_jdtc_ros.core.snapshot import MAX_STAMP_NS
 from phd_jdtc_ros.core.types import UNKNOWN, SelfReports
 from phd_jdtc_ros.core.types.reports import NAME_SIZE, OTHER, SPACES
 
-# Addresses have 32 bits, of which the last number means that there is none; 0 is none too.
-NO_ADDRESS = (1 << 32) - 1
-# Longest interval of the reports of a transmitter, seconds.
-LONGEST_S = 3600.0
 # Types and accuracies that mean that they are unknown.
 NO_TYPE, NO_ACCURACY = 0, 255
 
@@ -50,6 +46,10 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
         ``latitude longitude`` (degrees) or ``x y`` (metres in the world); further ones as in
         docs/reports.md. NaN is unknown.
     """
+    # Addresses have 32 bits, of which the last number means that there is none; 0 is none too.
+    no_address = (1 << 32) - 1
+    # Longest interval of the reports of a transmitter, seconds.
+    longest_s = 3600.0
     names = ("x", "y") if "x" in columns else ("latitude", "longitude")
     count = len(columns[names[0]])
     nan = np.full(count, np.nan)
@@ -65,8 +65,8 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
     time_s = np.where(np.isfinite(floats("time")), floats("time"), usual_s)
     has_time = (time_s >= 0.0) & (time_s <= MAX_STAMP_NS * 1e-9)
     address = floats("address")
-    unnamed = np.isnan(address) | (address == NO_ADDRESS)
-    sound = unnamed | ((address > 0) & (address < NO_ADDRESS) & (address % 1 == 0))
+    unnamed = np.isnan(address) | (address == no_address)
+    sound = unnamed | ((address > 0) & (address < no_address) & (address % 1 == 0))
     kept = np.flatnonzero(has_place & has_time & sound)
     reasons = ("place", ~has_place), ("time", has_place & ~has_time), ("address", ~sound)
     dropped = +Counter({reason: int(np.count_nonzero(mask)) for reason, mask in reasons})
@@ -86,7 +86,7 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
         name=_names(columns.get("name"), count)[kept],
         accurate=_small(floats("accurate"), NO_ACCURACY)[kept],
         hull=np.stack([floats(name) for name in ("ahead", "left", "length")], axis=1)[kept],
-        interval_s=_within(floats("interval"), 0.0, LONGEST_S)[kept],
+        interval_s=_within(floats("interval"), 0.0, longest_s)[kept],
     )
     return Told(reports, dropped)
 

@@ -20,8 +20,6 @@ from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, sent_columns
 
-# Largest azimuth within a revolution: compass azimuths may be rounded up beyond a whole revolution.
-LARGEST_AZIMUTH = FULL_TURN * (1.0 + 1e-6)
 # No azimuth, in radians or degrees, has a larger magnitude; a range has.
 NO_ANGLE = 720.0
 # Largest time from the stamp in revolutions, or in seconds if the time of a revolution is unknown.
@@ -30,8 +28,6 @@ MAX_SECONDS_OFF = 60.0
 # Plausible standard deviations of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
-# Elevations this far outside the field of view are not those of its edge, rad.
-ELEVATION_MARGIN = 0.05
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
 # Plausible standard deviations of range rates, m/s.
@@ -64,6 +60,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
 
     The radar's systematic errors are removed first; a range that becomes negative is set to 0.
     """
+    # Largest azimuth within a revolution: compass azimuths may be rounded up beyond a whole
+    # revolution.
+    largest_azimuth = FULL_TURN * (1.0 + 1e-6)
     distance, height = columns["range"], columns.get("height")
     if radar.bias != NO_BIAS:
         true = np.maximum(radar.bias.true_range(distance), 0.0)
@@ -127,7 +126,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         height=above if radar.height_prior is None else None,
         z=None if radar.height_prior is None else above,
     )
-    beyond, no_angles = azimuth_size > LARGEST_AZIMUTH, 0
+    beyond, no_angles = azimuth_size > largest_azimuth, 0
     if is_beyond := bool(beyond.any()):
         no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
     counts |= {
@@ -238,11 +237,13 @@ def _strange_elevations(
 
     The latter are outside the field of view or below the floor, and their opposites are not.
     """
+    # Elevations this far outside the field of view are not those of its edge, rad.
+    elevation_margin = 0.05
     low, high = np.radians(radar.fov_elevation_deg)
-    outside = (elevation < low - ELEVATION_MARGIN) | (elevation > high + ELEVATION_MARGIN)
+    outside = (elevation < low - elevation_margin) | (elevation > high + elevation_margin)
     if radar.height_prior is not None:
         sine = (radar.height_prior.floor - radar.height) / np.maximum(distance, 1.0)
-        outside |= elevation < np.arcsin(np.clip(sine, -1.0, 1.0)) - ELEVATION_MARGIN
+        outside |= elevation < np.arcsin(np.clip(sine, -1.0, 1.0)) - elevation_margin
     return {
         "elevations_unusable": _count(np.abs(elevation) > 0.5 * np.pi),
         "elevations_opposite": _count(outside & (-elevation >= low) & (-elevation <= high)),

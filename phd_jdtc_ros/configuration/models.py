@@ -37,8 +37,6 @@ from .parameters.sensor import SensorParameters
 from .parameters.tracker import LABELLED, PHD, SPACE, Birth, Motion, Parts, TargetClass, Tracking
 from .tables import GROUPS, KINDS, TOP, model_of
 
-# Fewer particles do not represent a target.
-LEAST_PER_TARGET = 10
 Faults = Iterator[str]
 
 
@@ -73,13 +71,15 @@ def _classes(parts: Parts) -> Faults:
 
 
 def _tracking(parts: Parts) -> Faults:
+    # Fewer particles do not represent a target.
+    least_per_target = 10
     top = parts.tracking
     if top.late_reports == "rework" and not top.lag.positive:
         yield "late_reports: 'rework' given with lag 0, needs a lag above 0"
-    if 0 < top.particles_per_target < LEAST_PER_TARGET:
+    if 0 < top.particles_per_target < least_per_target:
         yield (
             f"particles_per_target: {top.particles_per_target} given, must be 0 or at least "
-            f"{LEAST_PER_TARGET}"
+            f"{least_per_target}"
         )
     count = top.particles_per_birth
     if count & (count - 1):

@@ -57,8 +57,6 @@ from .parameters.tracker import PHD, SPACE, USUAL, Parts
 # range rates are equally likely.
 LEAST_INTERVAL = 4.0
 LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
-# The quantities of a detection in the paper, with their own noise.
-PAPER_QUANTITIES = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
 
 
 def _visibility_faults(radar: RadarParameters, parts: Parts) -> Iterator[str]:
@@ -109,6 +107,8 @@ def _revolutions(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     """Yield a fault for each setting that the paper's PHD filters do not have."""
+    # The quantities of a detection in the paper, with their own noise.
+    paper_quantities = ("range", "azimuth", "amplitude", "range_std", "azimuth_std")
     engine = parts.tracking.engine
     if engine not in PHD:
         return
@@ -123,7 +123,7 @@ def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         *(
             (field and repr(field), f"fields.{quantity}", "''")
             for quantity in QUANTITIES
-            if quantity not in PAPER_QUANTITIES
+            if quantity not in paper_quantities
             for field in (getattr(radar.fields, quantity),)
         ),
     )

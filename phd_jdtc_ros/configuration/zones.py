@@ -22,8 +22,6 @@ from .schema import ConfigError
 
 # Largest size of a file, and number of its corners: a coast of this many is computed in 0.2 s.
 MOST_BYTES, MOST_CORNERS = 2**24, 100_000
-# Places beyond this distance of the origin are too distorted, metres.
-FARTHEST = 2e6
 
 
 def read(path: str, plane: Plane | None) -> tuple[Zone, ...]:
@@ -100,6 +98,8 @@ def _where(reason: str, plane: Plane) -> str:
 
 def _ring(given: Sequence[Sequence[float]], plane: Plane) -> FloatArray:
     """Return a closed ring in the plane, metres, (S + 1, 2), without equal corners in a row."""
+    # Places beyond this distance of the origin are too distorted, metres.
+    farthest = 2e6
     corners = np.array([[float(corner[0]), float(corner[1])] for corner in given])
     if len(corners) < 4 or not np.isfinite(corners).all():
         raise ValueError(
@@ -112,8 +112,8 @@ def _ring(given: Sequence[Sequence[float]], plane: Plane) -> FloatArray:
     longitude, latitude = np.array(list(_parts(corners))).T
     x, y = plane.to_plane(latitude, longitude)
     ring = np.stack([x, y], axis=1)
-    if not np.isfinite(ring).all() or np.hypot(x, y).max() > FARTHEST:
-        raise ValueError(f"a corner given farther than {FARTHEST / 1e3:.0f} km from world_origin")
+    if not np.isfinite(ring).all() or np.hypot(x, y).max() > farthest:
+        raise ValueError(f"a corner given farther than {farthest / 1e3:.0f} km from world_origin")
     return _without_spurs(ring)
 
 

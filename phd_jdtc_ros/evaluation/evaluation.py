@@ -163,7 +163,7 @@ class Passes:
     The newest `keep` stamps are stored; all of them if it is None.
     """
 
-    # A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are
+    # A repeated stamp of the truth begins a new pass if more known stamps than this are
     # later; otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's
     # counterpart.
     JUMP_SCANS = 3

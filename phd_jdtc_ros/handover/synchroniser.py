@@ -161,8 +161,6 @@ class Gathering:
 
 # Largest number of targets of one stamp, which bounds work and memory.
 MOST_TARGETS = 10_000
-# Matching adds this to each axis; half of it belongs to each estimate.
-_SLACK = 0.5
 
 
 def fault_of(found: Estimates) -> tuple[str, str] | None:
@@ -172,6 +170,8 @@ def fault_of(found: Estimates) -> tuple[str, str] | None:
     semidefinite, because a distance between two estimates is undefined otherwise. There may be at
     most `MOST_TARGETS` of them.
     """
+    # Matching adds this to each axis; half of it belongs to each estimate.
+    slack = 0.5
     if len(found) > MOST_TARGETS:
         return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
     tracks, counts = np.unique(found.track_id, return_counts=True)
@@ -188,8 +188,8 @@ def fault_of(found: Estimates) -> tuple[str, str] | None:
     variance = np.einsum("tii->ti", covariance)
     lowest = np.full(len(found), -np.inf)
     usable = (variance >= 0.0).all(axis=1)
-    scale = np.sqrt(variance[usable] + _SLACK)
-    whole = covariance[usable] + _SLACK * np.eye(len(axes))
+    scale = np.sqrt(variance[usable] + slack)
+    whole = covariance[usable] + slack * np.eye(len(axes))
     lowest[usable] = np.linalg.eigvalsh(whole / (scale[:, :, None] * scale[:, None]))[:, 0]
     # FLOAT32 rounding does not make an eigenvalue of a correlation matrix smaller than this.
     bad = np.flatnonzero(lowest < -1e-6)

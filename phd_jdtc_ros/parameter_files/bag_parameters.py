@@ -16,7 +16,6 @@ from phd_jdtc_ros.configuration.tables import GROUPS, schema
 from . import sections, yaml_files
 
 NAME = sections.BAG_PARAMETERS
-_HEAD = "The tracker's parameters for this recording; the other parameters have their defaults."
 
 
 def path_of(bag: Path) -> Path:
@@ -41,13 +40,14 @@ def write(path: Path, values: Mapping[str, Any], section: str = yaml_files.ANY_T
 
     Raise `BagError` if it cannot be written, or would replace a file that was not written here.
     """
+    head = "The tracker's parameters for this recording; the other parameters have their defaults."
     kept = {
         name: values[name]
         for name, parameter in schema(values).items()
         if name in values and (name in GROUPS or values[name] != parameter.default)
     }
     try:
-        output_files.require_replaceable(path, "recording's parameter file", f"# {_HEAD}".encode())
-        yaml_files.write(path, _HEAD, kept, section=section)
+        output_files.require_replaceable(path, "recording's parameter file", f"# {head}".encode())
+        yaml_files.write(path, head, kept, section=section)
     except OSError as error:
         raise BagError(f"{path}: cannot be written: {error.strerror}") from error

@@ -70,9 +70,6 @@ class Evaluator:
 EVALUATOR = table(Evaluator)
 
 
-_PURPOSE = (
-    "Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."
-)
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0
 
 
@@ -156,7 +153,11 @@ def rate(text: str) -> float:
 
 def flags(argv: Sequence[str]) -> dict[str, Any]:
     """Return the parameters set by plain command-line flags, without ROS arguments."""
-    parser = ArgumentParser("sensor_replay", description=_PURPOSE)
+    parser = ArgumentParser(
+        "sensor_replay",
+        description="Plays a bag's detections, truth and other topics, at a rate or in lock-step "
+        "with a tracker.",
+    )
     parser.add_argument(
         "bag", nargs="?", help="rosbag2 directory, MCAP file, or the name of a shipped bag"
     )

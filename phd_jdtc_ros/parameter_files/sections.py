@@ -21,12 +21,8 @@ from phd_jdtc_ros.parameter_files import yaml_files
 
 # Name of the file with a tracker's parameters in a bag's directory.
 BAG_PARAMETERS = "parameters.yaml"
-# Regular expressions for the wildcards of a section's name, with the preceding slash.
-_WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
 _KEY = "ros__parameters"
-# Parameters that rclpy gives every node: a section that has only these configures no node.
-_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 # Full names, which may have wildcards, and parameters by dotted name, in the file's order.
 Sections: TypeAlias = "tuple[tuple[str, dict[str, Any]], ...]"
 
@@ -67,7 +63,9 @@ def own_values(sections: Sections) -> dict[str, Any]:
 
 def is_own(parameter: str) -> bool:
     """Return whether a parameter is not one that rclpy gives every node."""
-    return parameter not in _OF_EVERY_NODE and not parameter.startswith("qos_overrides.")
+    # Parameters that rclpy gives every node: a section that has only these configures no node.
+    of_every_node = ("use_sim_time", "start_type_description_service")
+    return parameter not in of_every_node and not parameter.startswith("qos_overrides.")
 
 
 def require_one(node: str, files: Sequence[ParameterFile], found: Sequence[Sections]) -> list[str]:
@@ -99,8 +97,10 @@ def _listed(file: ParameterFile, own: Sections) -> str:
 
 def is_for(section: str, node: str) -> bool:
     """Return whether a section is for a node: ``*`` matches one part, ``**`` any number."""
+    # Regular expressions for the wildcards of a section's name, with the preceding slash.
+    wildcards = {"**": "(/[^/]+)*", "*": "/[^/]+"}
     parts = section.split("/")[1:]
-    pattern = "".join(_WILDCARDS.get(part, "/" + re.escape(part)) for part in parts)
+    pattern = "".join(wildcards.get(part, "/" + re.escape(part)) for part in parts)
     return re.fullmatch(pattern, node) is not None
 
 

@@ -68,21 +68,19 @@ class Timing:
         return (self.scans - 1) * self.interval_s
 
 
-# The blocks, which their modules describe; ``profile`` and ``parameters`` (of the tracker and the
-# radars), ``sites`` and ``sending`` are read elsewhere.
-BLOCKS = (
-    *("profile", "parameters", "targets", "traffic", "manoeuvres", "antennas", "biases", "clutter"),
-    *("echoes", "world_origin", "sites", "reflectors", "platform", "transponders", "gaps"),
-    *("mirrors", "sending", "self_reports"),
-)
-
-
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     """Build the scenario of a document; `ConfigError` has all faults."""
+    # The blocks, which their modules describe; ``profile`` and ``parameters`` (of the tracker and
+    # the radars), ``sites`` and ``sending`` are read elsewhere.
+    blocks = (
+        *("profile", "parameters", "targets", "traffic", "manoeuvres", "antennas", "biases"),
+        *("clutter", "echoes", "world_origin", "sites", "reflectors", "platform", "transponders"),
+        *("gaps", "mirrors", "sending", "self_reports"),
+    )
     if not isinstance(document, Mapping):
         raise ConfigError("scenario: must be a mapping")
     faults: list[str] = []
-    timing = read(Timing, document, "", faults, BLOCKS)
+    timing = read(Timing, document, "", faults, blocks)
     all_targets = targets.targets(document, faults)
     antennas = read_by_radar(Antenna, document, "antennas", radars, faults)
     biases = read_by_radar(Bias, document, "biases", radars, faults)

@@ -193,10 +193,6 @@ def east_north(place: tuple[float, float], origin: tuple[float, float]) -> tuple
     return scale * across, scale * along
 
 
-# Least time in sight before and after a gap, seconds.
-APART_S = 60.0
-
-
 @dataclass(frozen=True)
 class Gaps:
     """The block ``gaps``."""
@@ -244,6 +240,8 @@ def read_gaps(
 
 def _draw(drawn: Gaps, flights: Sequence[Flight]) -> tuple[Gap, ...]:
     """Return gaps of random targets, drawn in proportion to the time that a gap can begin in."""
+    # Least time in sight before and after a gap, seconds.
+    apart_s = 60.0
     rng = np.random.default_rng(drawn.seed)
     speed = np.array([np.hypot(*flight.velocity) for flight in flights])
     life_s = np.array([flight.end_s - flight.start_s for flight in flights])
@@ -252,11 +250,11 @@ def _draw(drawn: Gaps, flights: Sequence[Flight]) -> tuple[Gap, ...]:
     for _ in range(drawn.count):
         length_s = float(rng.uniform(drawn.shortest_s, drawn.longest_s))
         # Time in which a gap can begin; a target has at most one gap.
-        spare = np.where(free, np.maximum(life_s - length_s - 2.0 * APART_S, 0.0), 0.0)
+        spare = np.where(free, np.maximum(life_s - length_s - 2.0 * apart_s, 0.0), 0.0)
         if not spare.any():
             break
         row = int(rng.choice(len(flights), p=spare / spare.sum()))
-        start_s = flights[row].start_s + APART_S + float(rng.uniform(0.0, spare[row]))
+        start_s = flights[row].start_s + apart_s + float(rng.uniform(0.0, spare[row]))
         gaps.append(Gap(row + 1, start_s, start_s + length_s))
         free[row] = False
     return tuple(gaps)

@@ -240,8 +240,6 @@ class Manoeuvres:
 
 
 FLIGHT = Parameter("", [0.0] * 4, "Speed, bank, latitude and longitude.", -180.0, 1e3, length=4)
-# The turn rate, proportional to tan(bank), is unbounded at a right angle.
-MOST_BANK_DEG = 85.0
 
 
 def traffic(given: Mapping[str, Any], duration_s: float, faults: list[str]) -> Sequence[Flight]:
@@ -258,15 +256,17 @@ def manoeuvres(
     Each target alternates straight legs and turns for the whole run. A row of ``flights`` is a
     speed (kt), a bank (degrees), a latitude and a longitude (degrees).
     """
+    # The turn rate, proportional to tan(bank), is unbounded at a right angle.
+    most_bank_deg = 85.0
     found: list[str] = []
     repeated = read(Manoeuvres, given, "manoeuvres.", found, ("flights",))
     rows = given.get("flights", [])
     for index, row in enumerate(rows if isinstance(rows, list) else [rows]):
         speed, bank, *_ = FLIGHT.coerce(row) or (0.0, 0.0)
-        if not (speed > 0.0 and 0.0 < bank <= MOST_BANK_DEG):
+        if not (speed > 0.0 and 0.0 < bank <= most_bank_deg):
             found.append(
                 f"manoeuvres.flights[{index}]: {row!r} given, must be a speed above 0 kt, a bank "
-                f"above 0 and at most {MOST_BANK_DEG:g} degrees, a latitude and a longitude"
+                f"above 0 and at most {most_bank_deg:g} degrees, a latitude and a longitude"
             )
     faults += found
     if repeated is None or found or duration_s <= 0.0:

@@ -132,8 +132,6 @@ METRICS = {metric.key: metric for each in ACCUMULATORS for metric in each.metric
 # Name of the figure: reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)
-# Wildcard for the name of a class in a parameter's name.
-EVERY_CLASS = "*"
 # Parameters that the study sets itself.
 OWN = ("lag", "lag_s", "seed")
 
@@ -166,7 +164,7 @@ class Variant:
     name: str
     kind: Kind
     # Parameters of the tracker that replace the case's; they do not change the simulated data. A
-    # name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
+    # name with ``*`` in the place of a class applies to all classes of the case.
     parameters: dict[str, Any]
     cases: tuple[str, ...]
     lags: tuple[int, ...]  # Ascending
@@ -246,32 +244,30 @@ def merge_layers(*layers: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of several layers, in which later layers replace earlier ones.
 
     If a layer lists the radars, classes, motions or births again, the parameters of the omitted
-    ones are removed. A parameter of `EVERY_CLASS` is copied to each class, unless the same layer
+    ones are removed. A parameter of ``*`` is copied to each class, unless the same layer
     sets it for that class.
     """
+    default_names = {p.name: p.default for p in TOP if p.name in GROUPS}
     result: dict[str, Any] = {}
     for layer in layers:
         for group in GROUPS:
             kept = layer.get(group)
             if isinstance(kept, list):
-                names = result.get(group, _DEFAULT_NAMES[group])
+                names = result.get(group, default_names[group])
                 removed = {str(name) for name in names if name not in kept}
                 result = {k: v for k, v in result.items() if k.split(".")[0] not in removed}
-        classes = layer.get("classes", result.get("classes", _DEFAULT_NAMES["classes"]))
+        classes = layer.get("classes", result.get("classes", default_names["classes"]))
         names = map(str, classes) if isinstance(classes, list) else ()
         result.update(_of_every_class(layer, tuple(names)))
     return result
 
 
 def _of_every_class(layer: Mapping[str, Any], classes: Sequence[str]) -> dict[str, Any]:
-    """Return a layer's parameters with `EVERY_CLASS` replaced by the name of each class."""
-    shared = {name: value for name, value in layer.items() if name.startswith(f"{EVERY_CLASS}.")}
+    """Return a layer's parameters with ``*`` replaced by the name of each class."""
+    shared = {name: value for name, value in layer.items() if name.startswith("*.")}
     of_classes = {
-        f"{kind}{name.removeprefix(EVERY_CLASS)}": value
+        f"{kind}{name.removeprefix('*')}": value
         for name, value in shared.items()
         for kind in classes
     }
     return of_classes | {name: value for name, value in layer.items() if name not in shared}
-
-
-_DEFAULT_NAMES = {p.name: p.default for p in TOP if p.name in GROUPS}

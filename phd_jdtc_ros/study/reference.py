@@ -160,7 +160,7 @@ def known_association(run: SimulatedRun, lags: Sequence[int], noise_density: flo
 
     Lags are in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
     `noise_density` is the spectral density l of the constant-velocity model, m^2/s^3. The prior of
-    a target is `BIRTH_STD` about its true first position and about zero velocity.
+    a target is about its true first position and about zero velocity.
 
     The set of a scan has the true number of targets and their true classes, in the truth's order.
     """

@@ -112,8 +112,6 @@ def _sbs(heard: Heard, time_ns: int) -> bytes:
 # The scenario that is simulated by default.
 REFERENCE = Path("config", "scenarios", "paper_scenario.yaml")
 DEPTH = 50
-# The frame of the platform that carries radars.
-PLATFORM = "platform"
 
 
 def write_bag(
@@ -171,9 +169,11 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
 
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
+    # The frame of the platform that carries radars.
+    platform = "platform"
     for stamp_ns, pose in run.poses():
         data = moving_radars.pose_to_cdr(
-            pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM
+            pose, stamp_ns, config.world_frame, config.pose_message, platform
         )
         for topic in config.radars_by_platform:
             yield stamp_ns, topic, data

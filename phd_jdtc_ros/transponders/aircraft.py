@@ -28,17 +28,16 @@ from .messages import (
     of_nacp,
 )
 
-# Zones differ by quarters of an hour.
-ZONE_NS = 900 * 10**9
-SBS_FIELDS = 22
-
 
 def read_sbs(line: bytes) -> Heard | str:
     """Return what a line says, or why it is not used: ``malformed`` or ``other_message``."""
+    # Zones differ by quarters of an hour.
+    zone_ns = 900 * 10**9
+    sbs_fields = 22
     cells = line.decode("ascii", "replace").split(",")
     if cells[0] not in ("MSG", "MLAT"):
         return "other_message"
-    if len(cells) != SBS_FIELDS:
+    if len(cells) != sbs_fields:
         return "malformed"
     # readsb marks addresses that are not ICAO's.
     sender = cells[4].strip()
@@ -49,7 +48,7 @@ def read_sbs(line: bytes) -> Heard | str:
             space,
             int(digits, 16),
             _time(cells[6], cells[7]),
-            ZONE_NS,
+            zone_ns,
             latitude,
             longitude,
             speed * KNOT,
@@ -85,12 +84,6 @@ PAIR_NS, PLACE_NS = 10 * 10**9, 30 * 10**9
 # ground stations say of radars' targets (TIS-B).
 _SQUITTER, _NON_TRANSPONDER = 17, 18
 _AIRBORNE, _SURFACE, _IDENTITY, _VELOCITY = "05", "06", "08", "09"
-# Emitter categories by type code and category, as I021/020 counts them.
-_CATEGORIES = {
-    4: {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 6: 6, 7: 10},
-    3: {1: 11, 2: 12, 3: 16, 4: 15, 6: 13, 7: 14},
-    2: {1: 20, 2: 21, 3: 22, 4: 23, 5: 24},
-}
 
 
 @dataclass
@@ -120,6 +113,12 @@ class ModeSReader:
 
     def read(self, frame: bytes, now_ns: int) -> Heard | None:
         """Return what a frame says at a time; frames of a pair are told by it."""
+        # Emitter categories by type code and category, as I021/020 counts them.
+        categories = {
+            4: {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 6: 6, 7: 10},
+            3: {1: 11, 2: 12, 3: 16, 4: 15, 6: 13, 7: 14},
+            2: {1: 20, 2: 21, 3: 22, 4: 23, 5: 24},
+        }
         kind = frame[0] >> 3
         if kind not in (_SQUITTER, _NON_TRANSPONDER) or len(frame) != 14:
             self.counts["other_message"] += 1
@@ -145,7 +144,7 @@ class ModeSReader:
             code, category = frame[4] >> 3, frame[4] & 7
             return heard._replace(
                 name=str(found.get("callsign") or "").strip(" _"),
-                type=_CATEGORIES.get(code, {}).get(category, 0),
+                type=categories.get(code, {}).get(category, 0),
             )
         if found.get("NACp") is None:
             self.counts["other_message"] += 1

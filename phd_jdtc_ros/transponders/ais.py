@@ -20,7 +20,6 @@ from .messages import AIS, KNOT, MMSI, NONE, Heard
 
 # A message has at most nine sentences; those of a message come within a few seconds.
 LONGEST_WAIT_NS, MOST_WAITING = 10 * 10**9, 500
-MINUTE_NS = 60 * 10**9
 # Standard deviations on each axis with the flag of accuracy (within 10 m) and without, metres, and
 # of the rounding of coarse positions to a tenth of a minute.
 ACCURATE_STD, INACCURATE_STD = 4.0, 12.0
@@ -209,6 +208,7 @@ def _heard(message: Any, own_ship: bool) -> Heard | None:
 
 
 def _with_position(heard: Heard, message: Any, coarse: bool) -> Heard:
+    minute_ns = 60 * 10**9
     speed, course = float(message.speed), float(message.course)
     heading = _NO_HEADING if coarse else int(message.heading)
     second = NONE if coarse else int(message.second)
@@ -218,7 +218,7 @@ def _with_position(heard: Heard, message: Any, coarse: bool) -> Heard:
     return heard._replace(
         # Positions are of any time within their second.
         own_ns=second * 10**9 + 10**9 // 2 if 0 <= second < 60 else NONE,
-        period_ns=0 if coarse else MINUTE_NS,
+        period_ns=0 if coarse else minute_ns,
         latitude=float(message.lat),
         longitude=float(message.lon),
         speed=speed * KNOT if known_speed else math.nan,

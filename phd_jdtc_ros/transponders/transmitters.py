@@ -34,8 +34,6 @@ MOTION_NS = 5 * NS
 # The same position with the same time within this time is the same message, by another receiver;
 # without a time, within the shorter one.
 AGAIN_NS, AGAIN_UNTIMED_NS = 2 * NS, 3 * NS // 10
-# An own time that is the same after this time stands.
-STANDS_NS = 3 * NS // 2
 # Largest number of a ship, and the numbers of no aircraft.
 LARGEST_MMSI, LARGEST_ICAO = 999_999_999, 2**24 - 1
 
@@ -228,10 +226,12 @@ class Transmitters:
 
     @staticmethod
     def _stands(one: Transmitter, heard: Heard, received_ns: int) -> bool:
+        # An own time that is the same after this time stands.
+        stands_ns = 3 * NS // 2
         if one.last is None or one.last.own_ns != heard.own_ns:
             return False
         passed_ns = received_ns - one.last_ns
-        return abs(passed_ns - _multiple(passed_ns, heard.period_ns)) > STANDS_NS
+        return abs(passed_ns - _multiple(passed_ns, heard.period_ns)) > stands_ns
 
     def _set_clock(self, own_ns: int, received_ns: int | None) -> None:
         """Take a base station's time, which dates a recording without times of receipt."""

@@ -81,7 +81,6 @@ def follow(
 _IPV4, _IPV6, _ETHERNET, _PPP, _PPP_IN_ETHERNET = 0x0800, 0x86DD, 0x6558, 0x880B, 0x8864
 _VLANS, _ERSPAN_2, _ERSPAN_3 = (0x8100, 0x88A8, 0x9100, 0x9200, 0x9300), 0x88BE, 0x22EB
 _COOKED, _COOKED_2, _HDLC, _ERF, _TZSP, _VXLAN, _LOOPBACK = range(-7, 0)
-_OTHER_LAYERS = {0x0806: "arp", 0x8847: "mpls", 0x8848: "mpls"}
 # Link layers by their number in captures.
 _LINKS = {
     **dict.fromkeys((12, 14, 101, 228, 229), _IPV4),  # either version of IP
@@ -93,7 +92,6 @@ _LINKS = {
 _MONITORS = {37008: _TZSP, 4789: _VXLAN}
 _PPP_LAYERS = {0x21: _IPV4, 0x57: _IPV6}
 _UDP, _GRE, _IN_IP = 17, 47, (4, 41)
-_OTHER_PROTOCOLS = {1: "icmp", 2: "igmp", 6: "tcp", 58: "icmp", 132: "sctp"}
 # Headers between that of IPv6 and UDP: options, routing and destination, fragments, authentication.
 _OPTIONS, _FRAGMENT, _AUTHENTICATION = (0, 43, 60), 44, 51
 
@@ -139,6 +137,7 @@ class Packets:
         ``mpls``, ``ieee_802_2``, ``not_ip``, ``tcp``, ``icmp``, ``igmp``, ``sctp`` and ``not_udp``;
         the reason is empty for a fragment that waits for others.
         """
+        other_protocols = {1: "icmp", 2: "igmp", 6: "tcp", 58: "icmp", 132: "sctp"}
         data, at, layer = packet.data, 0, _LINKS.get(packet.link or 0)
         if packet.link is None or layer is None:
             return "packet_cut" if packet.link is None else "link"
@@ -157,7 +156,7 @@ class Packets:
             elif found.protocol in _IN_IP:
                 layer = _IPV4
             elif found.protocol != _UDP:
-                return _OTHER_PROTOCOLS.get(found.protocol, "not_udp")
+                return other_protocols.get(found.protocol, "not_udp")
             elif (port := _word(data, at + 2)) in _MONITORS:
                 layer, at = _MONITORS[port], at + 8
             else:
@@ -244,11 +243,12 @@ def _behind_gre(data: bytes, at: int) -> tuple[int, int]:
 
 def _internet(data: bytes, layer: int, at: int) -> _Internet | str:
     """Read the headers of IPv4 or IPv6, or return the reason why there are none."""
+    other_layers = {0x0806: "arp", 0x8847: "mpls", 0x8848: "mpls"}
     if at >= len(data):
         return "packet_cut"
     if layer not in (_IPV4, _IPV6):
         # Smaller numbers in the place of an EtherType are lengths of IEEE 802.2.
-        return "ieee_802_2" if 0 <= layer < 0x600 else _OTHER_LAYERS.get(layer, "not_ip")
+        return "ieee_802_2" if 0 <= layer < 0x600 else other_layers.get(layer, "not_ip")
     version = data[at] >> 4
     if len(data) < at + {4: 20, 6: 40}.get(version, 1):
         return "packet_cut"

@@ -97,10 +97,6 @@ class Serial(NamedTuple):
 
 
 Input: TypeAlias = "udp.Address | Tcp | Serial"
-FORMS = (
-    "an IPv4 address and a port, such as 239.1.1.1:8600, tcp://HOST:PORT, or "
-    "serial:/dev/ttyUSB0:38400"
-)
 
 
 def input_of(text: str) -> Input:
@@ -109,6 +105,10 @@ def input_of(text: str) -> Input:
     A serial line has its path and its speed in baud, 38400 without. Raise `ValueError` if the text
     is none of these.
     """
+    forms = (
+        "an IPv4 address and a port, such as 239.1.1.1:8600, tcp://HOST:PORT, or "
+        "serial:/dev/ttyUSB0:38400"
+    )
     kind, _, rest = text.partition(":")
     try:
         if kind == "serial":
@@ -124,7 +124,7 @@ def input_of(text: str) -> Input:
             return udp.address(text.removeprefix("udp://"))
     except ValueError:
         pass
-    raise ValueError(f"{text} given, must be {FORMS}")
+    raise ValueError(f"{text} given, must be {forms}")
 
 
 class _Connection:

@@ -25,8 +25,6 @@ from ..tuning.start import guess_of
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
 # Least number of clouds of each radar, and of plots in tracks.
 LEAST_CLOUDS, LEAST_PLOTS = 5, 20
-# How far from the world's origin reports are seen from, metres.
-AWAY = 1e6
 
 
 @dataclass(frozen=True)
@@ -111,6 +109,8 @@ def tracked_reports(
     `usual_std` is the standard deviation of positions along each axis without one of their own,
     metres.
     """
+    # How far from the world's origin reports are seen from, metres.
+    away = 1e6
     reports = reports.take(np.flatnonzero(reports.address != UNKNOWN))
     reports = reports.take(np.argsort(reports.time_ns, kind="stable"))
     if not len(reports):
@@ -121,7 +121,7 @@ def tracked_reports(
     apart_s = np.diff(time_s[order])
     # Reports of an address are of one track up to this time between them, seconds.
     tracks = np.split(order, np.flatnonzero(~same | (apart_s > 30.0)) + 1)
-    pose = np.tile([-AWAY, 0.0, 0.0], (len(reports), 1))
+    pose = np.tile([-away, 0.0, 0.0], (len(reports), 1))
     measurement = kinematics.linearise(reports.position, pose)[0]
     variance = np.einsum("mkk->mk", reports.covariance).mean(axis=1)
     std = float(np.median(np.sqrt(np.where(np.isfinite(variance), variance, usual_std**2))))
@@ -131,7 +131,7 @@ def tracked_reports(
         time_s,
         measurement,
         pose,
-        np.array([std, std / AWAY]),
+        np.array([std, std / away]),
         max(interval_s, 0.1),
         tuple(track for track in tracks if len(track) > 1),
         exact=True,

@@ -17,9 +17,6 @@ from .findings import FASTEST, MOST_BESIDE, MOST_CROWDED, MOST_LAND, Findings, T
 from .noise import Noise
 from .rates import MARGIN
 
-# A configured table of detection probability over range is kept if the estimate lies within its
-# values, plus or minus this.
-SAME_PROBABILITY = 0.05
 # Plausible false alarm probabilities of a receiver; outside them the noise level is unknown.
 ALARMS = (1e-12, 0.5)
 # A configured maximum range is kept if no plot lies beyond it and it is below this many times the
@@ -388,11 +385,14 @@ def _detection(found: Findings, now: Now, by_band: bool) -> Iterator[Row]:
 
     SNR bands are kept too, unless the tracker has learned by which factor they are wrong.
     """
+    # A configured table of detection probability over range is kept if the estimate lies within its
+    # values, plus or minus this.
+    same_probability = 0.05
     rate, name = found.detection, "detection_probability"
     value = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
     given, learned, source = now(name), "detection" in (now("learn") or ()), f"{rate.count} looks"
     if isinstance(given, list):
-        agrees = min(given) - SAME_PROBABILITY <= value <= max(given) + SAME_PROBABILITY
+        agrees = min(given) - same_probability <= value <= max(given) + same_probability
         table = f"table, {np.mean(given):.3g}"
         yield Row(name, value, source, table, rate.std, not agrees)
         if not agrees:

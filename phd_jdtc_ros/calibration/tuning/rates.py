@@ -39,10 +39,6 @@ MARGIN, LEAST_HALF = 1.1, 1.0
 FAR, MOST = 30.0, 0.9
 
 
-# Number of plots in a third difference.
-DIFFERENCE = 4
-
-
 @dataclass(frozen=True)
 class Rate:
     """A figure with its standard deviation and the number of samples behind it."""
@@ -344,18 +340,20 @@ def elevations(plots: Plots, tracks: Tracks) -> Elevations | None:
     Their noise is that of third differences along a track, which a steady acceleration does not
     change. Medians are robust against manoeuvres and wrong links.
     """
+    # Number of plots in a third difference.
+    difference = 4
     if plots.elevation is None:
         return None
     squares, tracked = [], []
     for track in tracks.plots:
         own = track[np.isfinite(plots.elevation[track])]
         tracked.append(own)
-        if len(own) < DIFFERENCE:
+        if len(own) < difference:
             continue
-        window = sliding_window_view(own, DIFFERENCE)
+        window = sliding_window_view(own, difference)
         time_s = plots.time_s[window]
         apart = time_s[:, :, None] - time_s[:, None, :]
-        apart[:, range(DIFFERENCE), range(DIFFERENCE)] = 1.0
+        apart[:, range(difference), range(difference)] = 1.0
         with np.errstate(divide="ignore", invalid="ignore"):  # plots of the same time
             weight = 1.0 / apart.prod(axis=2)
             weight /= np.sqrt((weight**2).sum(axis=1, keepdims=True))
@@ -370,7 +368,7 @@ def elevations(plots: Plots, tracks: Tracks) -> Elevations | None:
     known = plots.elevation[np.isfinite(plots.elevation)]
     return Elevations(
         # Differences of overlapping windows are correlated.
-        Rate(value, value * float(np.sqrt(DIFFERENCE / len(square))), len(rows)),
+        Rate(value, value * float(np.sqrt(difference / len(square))), len(rows)),
         (float(known.min()), float(known.max())),
         (float(height.mean()), float(height.std())),
     )

@@ -14,10 +14,6 @@ from .plots import Plots
 from .rotation import Timing
 from .tracks import LinkModel, Tracks, link_plots
 
-# Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of the
-# azimuth in degrees, and speeds in metres per second.
-RANGES = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
-AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
@@ -88,13 +84,17 @@ def _best_of_grid(plots: Plots, timing: Timing) -> list[tuple[Tracks, LinkModel]
 
 def _noises(plots: Plots) -> list[tuple[float, float]]:
     """Return the grid of both standard deviations; those of places are equal and fill the area."""
+    # Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of
+    # the azimuth in degrees, and speeds in metres per second.
+    ranges = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
+    azimuths_deg = (0.06, 0.25, 1.0, 4.0)
     if plots.places:
         middle = np.median(plots.measurement, axis=0)
         reach = float(np.quantile(np.abs(plots.measurement - middle).max(axis=1), 0.99))
-        return [(share * max(reach, 1.0),) * 2 for share in RANGES]
+        return [(share * max(reach, 1.0),) * 2 for share in ranges]
     farthest = float(np.quantile(plots.measurement[:, 0], 0.99))
     return [
-        (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
+        (share * farthest, float(np.radians(deg))) for share, deg in product(ranges, azimuths_deg)
     ]
 
 

@@ -13,8 +13,6 @@ from .proposal import ALARMS, round_to_std
 # the range's standard deviation. As displacement in a single look, it would exceed the
 # accelerations of slow targets by far where looks are frequent.
 LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
-# The SNR band is wider than the tracks' levels by this much on either side, dB.
-BESIDE_DB = 5.0
 # Least standard deviation of the heights of undetected targets, metres, and their floor in standard
 # deviations below the mean.
 LEAST_HEIGHT_STD, FLOOR_SIGMA = 5.0, 3.0
@@ -85,6 +83,8 @@ def _survival_probability(found: Mapping[str, Findings], look_s: float) -> float
 
 def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:
     """Return the band of the targets' SNRs if every radar's amplitudes exceed a threshold."""
+    # The SNR band is wider than the tracks' levels by this much on either side, dB.
+    beside_db = 5.0
     known = [each.levels for each in found.values() if each.levels is not None]
     usable = [
         levels
@@ -94,6 +94,6 @@ def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:
     ]
     if len(usable) < len(found):
         return {"amplitude": "none"}
-    low = min(levels.target_db[0] for levels in usable) - BESIDE_DB
-    high = max(levels.target_db[1] for levels in usable) + BESIDE_DB
+    low = min(levels.target_db[0] for levels in usable) - beside_db
+    high = max(levels.target_db[1] for levels in usable) + beside_db
     return {"amplitude": "band", "target.snr_band_db": [round(low, 1), round(high, 1)]}

@@ -117,18 +117,16 @@ def status_of(
     return diagnostics.status(name, values or {}, *condition, hardware_id or node)
 
 
-# Levels from the best to the worst: what is silent may be more than a warning, and is no error.
-SEVERITY = (
-    DiagnosticStatus.OK,
-    DiagnosticStatus.WARN,
-    DiagnosticStatus.STALE,
-    DiagnosticStatus.ERROR,
-)
-
-
 def summary(node: str, statuses: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
     """Return the worst of a node's statuses: its lines, its message, and the other wrong lines."""
-    worst = max(statuses, key=lambda each: SEVERITY.index(each.level))
+    # Levels from the best to the worst: what is silent may be more than a warning, and is no error.
+    severity = (
+        DiagnosticStatus.OK,
+        DiagnosticStatus.WARN,
+        DiagnosticStatus.STALE,
+        DiagnosticStatus.ERROR,
+    )
+    worst = max(statuses, key=lambda each: severity.index(each.level))
     if worst.level == DiagnosticStatus.OK:
         return status_of(node, SUMMARY, Condition(worst.level, ALL_WELL))
     wrong = [each for each in statuses if each.level != DiagnosticStatus.OK]

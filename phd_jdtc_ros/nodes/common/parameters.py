@@ -30,10 +30,6 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile, is_own
 
 from .runtime import rcl_fault, steady_timer
 
-_EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
-# ROS arguments that are refused with advice where they are given as others.
-_OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap", "--log-level", "-e", "--enclave")
-
 
 def given_files(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     """Show the help if requested, and return the parameter files among the ROS arguments.
@@ -42,12 +38,13 @@ def given_files(name: str, purpose: str, argv: Sequence[str]) -> tuple[Parameter
     parameter file without ``--ros-args`` before it has no effect. Raise `SystemExit` with status 0
     after the help, and with 2 after a refusal.
     """
+    examples = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
     parser = ArgumentParser(
         name,
         usage="%(prog)s [-h] [--ros-args ...]",
         # The rest of a node's docstring is for readers of its code.
         description=purpose.partition("\n\n")[0],
-        epilog=f"ROS arguments are, for instance: {_EXAMPLES}",
+        epilog=f"ROS arguments are, for instance: {examples}",
     )
     others, files = split(name, argv)
     parser.parse_args(others)
@@ -59,11 +56,13 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
 
     Raise `SystemExit` with status 2 after a line for each fault of the ROS arguments.
     """
+    # ROS arguments that are refused with advice where they are given as others.
+    of_ros = ("-p", "--param", "--params-file", "-r", "--remap", "--log-level", "-e", "--enclave")
     try:
         # Files are checked first, because rcl does not name the fault of a file.
         files = sections.given_in(argv)
         others = remove_ros_args([name, *argv])[1:]
-        misplaced = [word for word in others if word in _OF_ROS]
+        misplaced = [word for word in others if word in of_ros]
         if misplaced:
             raise ConfigError(f"{misplaced[0]}: is a ROS argument, must follow --ros-args")
         return others, files

@@ -31,13 +31,6 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, fail, faults_of
 from phd_jdtc_ros.parameter_files import yaml_files
 
-# rcl's names of arguments that it cannot parse, with their valid forms.
-_FORMS = {
-    "parameter override rule": "-p NAME:=VALUE",
-    "remap rule": "-r FROM:=TO",
-    "log level": "--log-level LEVEL or --log-level LOGGER:=LEVEL",
-}
-
 
 def steady_timer(
     node: Node, period_s: float, callback: Callable[[], None], autostart: bool = True
@@ -137,16 +130,6 @@ class ManagedNode(LifecycleNode, RunnableNode):
         return TransitionCallbackReturn.FAILURE
 
 
-# Errors that users can cause are reported in one line; others end with a traceback.
-REPORTED = (
-    ConfigError,
-    BagError,
-    InvalidQosOverridesError,
-    NameValidationException,
-    ParameterException,
-)
-
-
 class StopRequest:
     """A flag that SIGINT and SIGTERM set, from its creation on."""
 
@@ -169,6 +152,14 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
 
     `make_node` is called after the initialisation of ROS. `argv` includes the ROS arguments.
     """
+    # Errors that users can cause are reported in one line; others end with a traceback.
+    reported = (
+        ConfigError,
+        BagError,
+        InvalidQosOverridesError,
+        NameValidationException,
+        ParameterException,
+    )
     stop = StopRequest()
     try:
         rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
@@ -178,7 +169,7 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
     try:
         node = make_node()
         _spin(node, stop)
-    except REPORTED as error:
+    except reported as error:
         return fail(name, error)
     except RuntimeError as error:
         # rcl's error for an invalid node name has a private type.
@@ -227,8 +218,14 @@ def _spin(node: RunnableNode, stop: StopRequest) -> None:
 
 def rcl_fault(error: Exception) -> str:
     """Return rcl's message about an argument, without the lines of its source."""
+    # rcl's names of arguments that it cannot parse, with their valid forms.
+    forms = {
+        "parameter override rule": "-p NAME:=VALUE",
+        "remap rule": "-r FROM:=TO",
+        "log level": "--log-level LEVEL or --log-level LOGGER:=LEVEL",
+    }
     text = re.sub(r", at \S+:\d+", "", " ".join(str(error).split()))
-    for kind, form in _FORMS.items():
+    for kind, form in forms.items():
         found = re.search(f"Couldn't parse {kind}: '(.*)'", text)
         if found:
             hint = yaml_files.EMPTY_STRING if found[1].endswith(":=") else ""

@@ -36,8 +36,6 @@ OF_ANY_VERSION = b"phd_jdtc_ros checkpoint "
 MAGIC = OF_ANY_VERSION + b"8\n"
 # Largest file; its content and its arrays are in memory together, at most 256 MB.
 MAX_BYTES = 120 << 20
-# Largest header, whose parsing needs some twenty times its size.
-MAX_HEADER = 2 << 20
 LENGTH_SIZE, DIGEST_SIZE = 4, hashlib.sha256().digest_size
 STAMP, FACTS, CONFIGURATION, ARRAYS = "stamp_ns", "facts", "configuration", "arrays"
 
@@ -127,9 +125,11 @@ def _content(path: Path) -> bytes:
 
 def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
     """Return the header and the arrays that it describes, or raise one of many kinds of errors."""
+    # Largest header, whose parsing needs some twenty times its size.
+    max_header = 2 << 20
     size = int.from_bytes(body[:LENGTH_SIZE], "little")
-    if size > MAX_HEADER:
-        raise ValueError(f"a header of {size} bytes, at most {MAX_HEADER} are allowed")
+    if size > max_header:
+        raise ValueError(f"a header of {size} bytes, at most {max_header} are allowed")
     position = LENGTH_SIZE + size
     header = json.loads(bytes(body[LENGTH_SIZE:position]))
     arrays: dict[str, npt.NDArray[Any]] = {}

@@ -80,10 +80,6 @@ def _report(argv: list[str], ended: threading.Event) -> None:
         context.try_shutdown()
 
 
-# The file in `config` that has the defaults.
-DEFAULT_PROFILE = "defaults"
-
-
 class Tracker(ManagedNode):
     """The tracker as a lifecycle node.
 
@@ -364,11 +360,13 @@ def _count_and_list(one: str, several: str, names: Sequence[str]) -> str:
 
 def _source(given: Collection[str], files: Sequence[Path]) -> str:
     """Return the origin of the parameters, in words."""
+    # The file in `config` that has the defaults.
+    default_profile = "defaults"
     if files:
         return f"parameters from {', '.join(map(str, files))}"
     others = f" except {', '.join(given)}" if given else ""
     return (
-        f"default parameters (profile {DEFAULT_PROFILE}){others}: no parameter file was given; for "
+        f"default parameters (profile {default_profile}){others}: no parameter file was given; for "
         "radars of your own start from a copy of config/surveillance.yaml"
     )
 

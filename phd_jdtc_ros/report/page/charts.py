@@ -24,8 +24,6 @@ from ..record import RadarSite, Record, Sets, class_of
 from ..style import class_colour
 from ..units import Clock, metres_text, round_step
 
-# Value of `meta` for traces whose line or text is drawn in the page's text colour.
-INK = "ink"
 # A grey with contrast on light and on dark pages.
 NEUTRAL = "#858585"
 FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13}
@@ -97,23 +95,13 @@ def times(clock: Clock, stamp_ns: Sequence[int]) -> list[float]:
     return rounded
 
 
-BAND = "rgba(133,133,133,0.22)"
-
-OSPA_CAPTION = (
-    "OSPA distance (p = {p:g}, c = {c:g} m) of the filtered and of the smoothed estimates to the "
-    "truth. Lower is better. Peaks are scans with a wrong number of targets; the level between "
-    "them is the position error."
-)
-NUMBER_CAPTION = (
-    "The number of targets{in_all}. {truth}{classes}Spikes of the filter only are errors that the "
-    "smoother has repaired."
-)
-OF_CLASSES = "Opposite spikes in two classes at one time are a target with the wrong class. "
-TRUE_NUMBER = "The grey area is the true number. "
-
-
 def ospa(record: Record, evaluation: Evaluation) -> Chart:
     """Return the OSPA distance over time, one row for all targets and one per class."""
+    ospa_caption = (
+        "OSPA distance (p = {p:g}, c = {c:g} m) of the filtered and of the smoothed estimates to "
+        "the truth. Lower is better. Peaks are scans with a wrong number of targets; the level "
+        "between them is the position error."
+    )
     keys = record.sets.keys
     figure = rows_over_time(record, [record.sets.title(key) for key in keys], "OSPA (m)")
     for row, key in enumerate(keys, 1):
@@ -124,12 +112,19 @@ def ospa(record: Record, evaluation: Evaluation) -> Chart:
                 _append_title(figure, row, text)
                 _line(figure, row, key, source, time, np.round(value, 2), " m")
     figure.update_yaxes(rangemode="tozero")
-    caption = OSPA_CAPTION.format(p=evaluation.order, c=evaluation.cutoff)
+    caption = ospa_caption.format(p=evaluation.order, c=evaluation.cutoff)
     return Chart("ospa", "OSPA distance over time", caption, figure)
 
 
 def numbers(record: Record) -> Chart:
     """Return the number of targets over time, one row for all targets and one per class."""
+    band = "rgba(133,133,133,0.22)"
+    number_caption = (
+        "The number of targets{in_all}. {truth}{classes}Spikes of the filter only are errors that "
+        "the smoother has repaired."
+    )
+    of_classes = "Opposite spikes in two classes at one time are a target with the wrong class. "
+    true_number = "The grey area is the true number. "
     keys = record.sets.keys
     figure = rows_over_time(record, [record.sets.title(key) for key in keys], "targets")
     clock = Clock.of(record)
@@ -149,7 +144,7 @@ def numbers(record: Record) -> Chart:
                     showlegend=row == 1,
                     mode="lines",
                     fill="tozeroy",
-                    fillcolor=BAND,
+                    fillcolor=band,
                     line={"shape": "hvh", "color": NEUTRAL, "width": 0.5},
                     hovertemplate="%{y} true<extra></extra>",
                 ),
@@ -165,10 +160,10 @@ def numbers(record: Record) -> Chart:
     step = round_step(max(*(max(trace.y, default=0) / 4.0 for trace in figure.data), 1.0))
     figure.update_yaxes(rangemode="tozero", tick0=0, dtick=int(step))
     several = not record.sets.one_class
-    caption = NUMBER_CAPTION.format(
+    caption = number_caption.format(
         in_all=", in all and per class" if several else "",
-        truth=TRUE_NUMBER if record.truth else "",
-        classes=OF_CLASSES if several else "",
+        truth=true_number if record.truth else "",
+        classes=of_classes if several else "",
     )
     return Chart("numbers", "Number of targets over time", caption, figure)
 
@@ -212,7 +207,7 @@ def _line(
             legendgroup=source,
             showlegend=row == 1,
             mode="lines" if len(time) > 1 else "markers",
-            meta=INK if smoothed and key == ALL else None,
+            meta="ink" if smoothed and key == ALL else None,
             line={"color": colour, "width": 2.0 if smoothed else 1.2, "shape": shape},
             hovertemplate=f"%{{y}}{unit} {source}<extra></extra>",
         ),
@@ -225,13 +220,6 @@ CAPTION = (
     "The probability of each class for every estimate, one row per class. {colours} Near 0 or 1 "
     "the class is certain; in between, amplitudes and motion have not determined it yet."
 )
-BY_TRUTH = (
-    "The colour is the true class of the target paired with the estimate, and a line is one "
-    "target; grey crosses are estimates without a target nearby."
-)
-BY_ESTIMATE = "The colour is the estimated class."
-# Plotly's names for the markers of classes that the pictures use.
-SYMBOLS = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
 
 
 class Key(NamedTuple):
@@ -252,6 +240,11 @@ class Curve(NamedTuple):
 
 def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
     """Return the class probabilities of all estimates over time, one row per class."""
+    by_truth = (
+        "The colour is the true class of the target paired with the estimate, and a line is one "
+        "target; grey crosses are estimates without a target nearby."
+    )
+    by_estimate = "The colour is the estimated class."
     clock = Clock.of(record)
     names = [f"P({record.sets.class_title(k)})" for k in range(record.classes)]
     figure = rows_over_time(record, names, "probability")
@@ -274,12 +267,14 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
             figure.add_trace(trace, row=k + 1, col=1)
             named.add(key.name)
     figure.update_yaxes(range=[-0.05, 1.05], tickvals=[0, 0.5, 1])
-    caption = CAPTION.format(colours=BY_TRUTH if record.truth else BY_ESTIMATE)
+    caption = CAPTION.format(colours=by_truth if record.truth else by_estimate)
     return Chart("classes", "Class probabilities over time", caption, figure)
 
 
 def _style(key: Key) -> dict[str, Any]:
     """Return the style of a curve: its class's colour, or grey behind the others."""
+    # Plotly's names for the markers of classes that the pictures use.
+    symbols = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
     shared = {"name": key.name, "legendgroup": key.name}
     if key.class_id is None:
         symbol, size = ("circle-open", 5) if key.name == FILTERED else ("x-thin-open", 7)
@@ -290,7 +285,7 @@ def _style(key: Key) -> dict[str, Any]:
         **shared,
         "mode": "lines+markers" if key.number else "markers",
         "line": {"color": colour, "width": 1.3},
-        "marker": {"symbol": SYMBOLS[key.class_id % len(SYMBOLS)], "size": 4, "color": colour},
+        "marker": {"symbol": symbols[key.class_id % len(symbols)], "size": 4, "color": colour},
     }
 
 
@@ -335,16 +330,6 @@ def _by_estimate(source: str, found: Estimates, sets: Sets) -> Iterator[Key]:
         name = sets.class_title(class_id)
         label = f"track {number}, {name}" if number else f"estimated {name}"
         yield Key(f"{source}, {name}", label, class_id, number)
-
-
-TIME_CAPTION = (
-    "The heights of the {source} estimates{kind}. A line is a track in the colour of its "
-    "class{truth}."
-)
-SIDE_CAPTION = (
-    "The {source} estimates from the side of each radar: the distance along the ground and the "
-    "height. Dashed lines are the limits of its elevations, without the curvature of the earth."
-)
 
 
 class HeightLine(NamedTuple):
@@ -406,6 +391,10 @@ def _height_lines(
 
 def heights_over_time(record: Record, tracks: list[HeightLine]) -> Chart:
     """Return the heights of tracks over time, and of the true targets."""
+    time_caption = (
+        "The heights of the {source} estimates{kind}. A line is a track in the colour of its "
+        "class{truth}."
+    )
     figure, clock = rows_over_time(record, ["height"], "height (m)"), Clock.of(record)
     truth, named = true_height_lines(record), set[str]()
     for path in truth:
@@ -420,7 +409,7 @@ def heights_over_time(record: Record, tracks: list[HeightLine]) -> Chart:
         named.add(name)
     figure.update_layout(hovermode="closest")
     in_space = any(found.space.vertical for found in record.of_source(source_of(record)))
-    caption = TIME_CAPTION.format(
+    caption = time_caption.format(
         source=source_of(record),
         kind=", above the zero of the map" if in_space else ", as transponders report them",
         truth="; dashed lines are the truth" if truth else "",
@@ -430,6 +419,10 @@ def heights_over_time(record: Record, tracks: list[HeightLine]) -> Chart:
 
 def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
     """Return the tracks by distance and height from each radar whose antenna's height is known."""
+    side_caption = (
+        "The {source} estimates from the side of each radar: the distance along the ground and the "
+        "height. Dashed lines are the limits of its elevations, without the curvature of the earth."
+    )
     sites = [site for site in record.radars if math.isfinite(site.height)]
     figure = rows_over_time(record, [site.name for site in sites], "height (m)")
     figure.update_xaxes(range=None, title=None)
@@ -454,7 +447,7 @@ def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
         for edge in _edges(site, farthest, top):
             _add(figure, row, *edge, "limit", {"color": NEUTRAL, "width": 1.0, "dash": "dash"})
     figure.update_layout(hovermode="closest")
-    caption = SIDE_CAPTION.format(source=source_of(record))
+    caption = side_caption.format(source=source_of(record))
     return Chart("sides", "From the side of each radar", caption, figure)
 
 

@@ -82,14 +82,14 @@ def shades_of(plots: AllPlots) -> IntArray:
 
 # Ends of the opacity scale: decimal logarithms of false detections per revolution and km^2.
 FAINTEST, STRONGEST = 0.0, 3.0
-# Number of steps of the opacity.
-OPACITIES = 100
 
 
 def clutter_levels(raster: ClutterRaster, columns: Columns) -> dict[str, Any]:
     """Add the squares' opacity as a column, rows by y; return their positions in metres."""
+    # Number of steps of the opacity.
+    opacities = 100
     level = np.log10(np.maximum(raster.density, 10.0**FAINTEST))
-    columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * OPACITIES).ravel())
+    columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * opacities).ravel())
     low_x, _, low_y, _ = raster.extent
     rows, across = raster.density.shape
     return {
@@ -97,7 +97,7 @@ def clutter_levels(raster: ClutterRaster, columns: Columns) -> dict[str, Any]:
         "cell": float(raster.cell),
         "shape": [rows, across],
         "colour": CLUTTER,
-        "steps": OPACITIES,
+        "steps": opacities,
     }
 
 

@@ -26,8 +26,6 @@ from .. import recorded_plots
 
 # The profile that is adapted, and the prefix of the radar's parameters in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
-# Place of a radar without a known one: the height alone, above an earth of the right curvature.
-UNKNOWN_PLACE = (0.0,)
 # Largest range of a surface movement radar, metres, within which the earth is taken to be flat.
 SURFACE_RANGE = 20e3
 # Factors from the farthest and the nearest plot to the largest and the smallest range.
@@ -243,35 +241,35 @@ def _place_radars(proposed: Proposal, active: Sequence[RadarState]) -> list[Rada
 
 def _leave_place_open(proposed: Proposal, state: RadarState) -> None:
     """Set the place of a radar without a known one."""
+    # Place of a radar without a known one: the height alone, above an earth of the right curvature.
+    unknown_place = (0.0,)
     radar = state.settings.name
     if state.statistics.farthest <= SURFACE_RANGE:
         proposed.comments[radar] = "its position is unknown; within its range the earth is flat"
         return
     origin = "a height alone: its position is unknown"
-    proposed.set("world_origin", list(UNKNOWN_PLACE), f"{origin}; no latitudes and longitudes")
-    proposed.set(f"{radar}.geodetic", list(UNKNOWN_PLACE), origin)
+    proposed.set("world_origin", list(unknown_place), f"{origin}; no latitudes and longitudes")
+    proposed.set(f"{radar}.geodetic", list(unknown_place), origin)
     proposed.hints.append(
         f"the position of {radar} is unknown: shapes and distances are right on the round earth, "
         f"but there are no latitudes and longitudes; set {radar}.geodetic and world_origin"
     )
 
 
-# Identity spaces of the sources of positions, and what their reports are.
-_RECEIVERS = {
-    ADS_B: ("icao", "positions of ADS-B (CAT021)"),
-    MULTILATERATION: ("icao", "positions by multilateration (CAT010, CAT020)"),
-    TRACKS: ("number", "tracks of another centre (CAT062), never used as plots"),
-}
-
-
 def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
     """Add the sources of positions beside the radars, if the place of these is known."""
+    # Identity spaces of the sources of positions, and what their reports are.
+    receivers = {
+        ADS_B: ("icao", "positions of ADS-B (CAT021)"),
+        MULTILATERATION: ("icao", "positions by multilateration (CAT010, CAT020)"),
+        TRACKS: ("number", "tracks of another centre (CAT062), never used as plots"),
+    }
     sources = [state for state in states if state.positions]
     if not sources or len(proposed.values.get("world_origin", ())) != 3:
         return
     for state in sources:
         name = state.settings.name
-        identity, what = _RECEIVERS[state.source]
+        identity, what = receivers[state.source]
         proposed.set(f"{name}.kind", "reports", what)
         proposed.set(f"{name}.identity", identity, "of addresses without a space")
         # Standard deviation of the place of an aircraft's antenna, metres.

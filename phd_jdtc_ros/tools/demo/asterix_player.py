@@ -39,7 +39,6 @@ from phd_jdtc_ros.transport.network import RecordingError
 from ..asterix.writing import bridge_parameters
 from .asterix import LOOPBACK
 
-NAME = "asterix_player"
 # The time of receipt at the beginning of a line.
 _RECEIPT = re.compile(rb"\\c:(\d+)\*")
 DEPTH = 50
@@ -167,16 +166,17 @@ class AsterixPlayer(SensorReplay):
 
 def main(argv: Sequence[str]) -> int:
     """Run the player; other flags than its own are those of `sensor_replay`."""
-    parser = ArgumentParser(NAME, description=__doc__)
+    name = "asterix_player"
+    parser = ArgumentParser(name, description=__doc__)
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
     parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
     parser.add_argument("--sentences", type=Path, help="recording of AIS")
     parser.add_argument("--send-sentences", type=udp.address, metavar="HOST:PORT")
     parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
-    others, _ = parameters.split(NAME, argv)
+    others, _ = parameters.split(name, argv)
     given, flags = parser.parse_known_args(others)
     make = partial(AsterixPlayer, given, node_tables.flags(flags))
-    return runtime.run(NAME, make, argv[len(others) :])
+    return runtime.run(name, make, argv[len(others) :])
 
 
 if __name__ == "__main__":
