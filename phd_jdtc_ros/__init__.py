@@ -15,12 +15,11 @@ if TYPE_CHECKING:
 __all__ = ["Tracker", "__version__", "evaluate", "simulate"]
 __version__ = "1.0.0"
 
-# These are imported on first use, so that they do not delay the start of nodes.
-_MODULES = {"Tracker": "tracker", "simulate": "scores", "evaluate": "scores"}
-
 
 def __getattr__(name: str) -> Any:
     """Import a public name."""
-    if name not in _MODULES:
+    # These are imported on first use, so that they do not delay the start of nodes.
+    modules = {"Tracker": "tracker", "simulate": "scores", "evaluate": "scores"}
+    if name not in modules:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.api.{_MODULES[name]}"), name)
+    return getattr(import_module(f"{__name__}.api.{modules[name]}"), name)

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
 
 class _Steps:
     """The nested steps that the main thread is in, and whether an interruption waits for them."""
@@ -21,8 +19,9 @@ class _Steps:
 @contextmanager
 def accepted() -> Iterator[None]:
     """Raise `KeyboardInterrupt` in the main thread on a signal, after the step that it is in."""
+    signals = (signal.SIGINT, signal.SIGTERM)
     # Other threads can have no handlers.
-    numbers = SIGNALS if _is_main_thread() else ()
+    numbers = signals if _is_main_thread() else ()
     before = {number: signal.signal(number, _interrupt) for number in numbers}
     try:
         yield

@@ -37,8 +37,6 @@ POSITION = ("x", "y")
 # Columns in degrees, with the largest magnitude of each.
 NAMES = (("lat", "lon"), ("latitude", "longitude"))
 MOST_DEG = (90.0, 360.0)
-# Other units of both, of which a degree has so many.
-UNITS = {6e5: "1/10000 minutes", 1e7: "1e-7 degrees"}
 # Places farther from a given origin than this, metres, seem wrong if another reading of their
 # columns is nearer by this factor.
 ELSEWHERE, NEARER = 1e6, 10.0
@@ -94,10 +92,12 @@ def in_plane(columns: Columns, origin: Sequence[float]) -> Columns:
 
 def _probably(pair: tuple[str, str], degrees: Sequence[FloatArray]) -> str:
     """Return the words for what explains places that are not on the earth; empty if nothing."""
+    # Other units of both, of which a degree has so many.
+    units = {6e5: "1/10000 minutes", 1e7: "1e-7 degrees"}
     largest = [float(np.nanmax(np.abs(column))) for column in degrees]
     if _are_on_earth(largest[::-1]):
         return f"; are {' and '.join(pair)} swapped?"
-    for factor, unit in UNITS.items():
+    for factor, unit in units.items():
         if _are_on_earth([size / factor for size in largest]):
             return f"; probably these are {unit}: divide both columns by {factor:.0f}"
     return ""

@@ -44,7 +44,6 @@ from .common.runtime import RunnableNode, steady_timer
 from .recorder import Completion, ReceivedClouds, Recorder, watch_inputs
 
 INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
-CHECK_PERIOD_S = 0.1
 # Bounds of the memory of a node that may run for months: scans that a late cloud may belong to, and
 # step times.
 MAX_SCANS, MAX_STEPS = 1000, 100_000
@@ -52,6 +51,8 @@ MAX_SCANS, MAX_STEPS = 1000, 100_000
 
 class Evaluator(RunnableNode):
     """Compares estimates with the truth at their stamps and publishes every score."""
+
+    CHECK_PERIOD_S = 0.1
 
     # Largest number of targets of a stamp: all distances between true and estimated ones are
     # computed, so that memory grows with the square, and the best assignment of 2000 takes a
@@ -100,7 +101,7 @@ class Evaluator(RunnableNode):
         TrackerParameters(self, tracker, self._on_parameters)
         # The timer runs by the wall clock, because simulated time stops with the replay, before the
         # last scores.
-        steady_timer(self, CHECK_PERIOD_S, self._check)
+        steady_timer(self, self.CHECK_PERIOD_S, self._check)
         self.get_logger().info("waiting for estimates and truth")
 
     def _subscribe(self) -> list[Subscription]:

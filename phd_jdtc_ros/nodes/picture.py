@@ -43,11 +43,12 @@ from .picture_server import Server, is_loopback
 
 # Numbers of detections that are shown, and of clouds that are kept until they are encoded.
 MOST_PLOTS, MOST_CLOUDS = 5000, 100
-SCRIPTS = ("drawing.js", "picture.js", "live.js")
 
 
 class Picture(RunnableNode):
     """Subscribes to a tracker's topics, and serves what has come last."""
+
+    SCRIPTS = ("drawing.js", "picture.js", "live.js")
 
     DEPTH = 10
 
@@ -109,7 +110,7 @@ class Picture(RunnableNode):
 
     def _page(self) -> str:
         assets = files("phd_jdtc_ros.report.page") / "assets"
-        part = {name: (assets / name).read_text("utf-8") for name in ("page.css", *SCRIPTS)}
+        part = {name: (assets / name).read_text("utf-8") for name in ("page.css", *self.SCRIPTS)}
         run = {"picture": self._head, "amplitude_scales": AMPLITUDE_SCALES}
         text = json.dumps(run, allow_nan=False).replace("<", "\\u003c")
         return Template((assets / "live.html").read_text("utf-8")).substitute(
@@ -117,7 +118,7 @@ class Picture(RunnableNode):
             style=part["page.css"],
             picture=words.section(self._head),
             run=text,
-            script="".join(part[name] for name in SCRIPTS),
+            script="".join(part[name] for name in self.SCRIPTS),
         )
 
     def _first(self) -> Mapping[str, bytes]:

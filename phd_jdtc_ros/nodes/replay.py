@@ -101,9 +101,6 @@ class Operator:
             self._node.get_logger().warning(f"recorded manual work: {warning}")
 
 
-DEPTH = 50
-CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
 # The wait for subscribers of the truth is a share of that for subscribers of the detections, and at
 # most MAX_TRUTH_S, because most replays have no evaluator.
 TRUTH_SHARE, MAX_TRUTH_S = 0.2, 10.0
@@ -115,6 +112,9 @@ class SensorReplay(RunnableNode):
 
     The bag is that of the parameters unless it is given.
     """
+
+    DEPTH = 50
+    CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
     CLOCK_PERIOD_S = 0.01
     TICK_S = 0.005
@@ -136,7 +136,7 @@ class SensorReplay(RunnableNode):
             topic: self._output(topic, message_class)
             for topic, message_class in self._played.classes.items()
         }
-        self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
+        self._clock_output = self.create_publisher(Clock, "/clock", self.CLOCK_QOS)
         self._published: Counter[str] = Counter()
         self._lock_step: LockStep | None = None
         if self._values["rate"] == 0.0:
@@ -176,7 +176,7 @@ class SensorReplay(RunnableNode):
 
     def _output(self, topic: str, message_class: Any) -> Publisher:
         latched = topic in playback.LATCHED
-        qos = topics.latched(DEPTH) if latched else topics.reliable(DEPTH)
+        qos = topics.latched(self.DEPTH) if latched else topics.reliable(self.DEPTH)
         return self.create_publisher(message_class, topic, qos)
 
     def _subscribe_to_replies(self) -> LockStep:
@@ -186,7 +186,7 @@ class SensorReplay(RunnableNode):
         if delay_s:
             topic, reply = names.cardinality(names.tracker_of(topic)), DiagnosticArray
         self._reply_topic = topic
-        self.create_subscription(reply, topic, self._on_reply, topics.reliable(DEPTH))
+        self.create_subscription(reply, topic, self._on_reply, topics.reliable(self.DEPTH))
         return LockStep(delay_s)
 
     @property

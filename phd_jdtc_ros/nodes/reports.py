@@ -28,12 +28,13 @@ from .common.receiving import Moment, ReceivingNode, nothing_received
 from .common.runtime import steady_timer
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-# A receiver of ships or aircraft without any message for this time is silent, seconds.
-SILENT_S = 60.0
 
 
 class ReportBridge(ReceivingNode):
     """The bridge, which receives while it is active."""
+
+    # A receiver of ships or aircraft without any message for this time is silent, seconds.
+    SILENT_S = 60.0
 
     received = "data"
 
@@ -118,7 +119,7 @@ class ReportBridge(ReceivingNode):
             at.inactive,
             (ERROR, self._missing, self._missing),
             (WARN, silent, silent),
-            (WARN, self._values["inputs"] and quiet_s > SILENT_S, quiet),
+            (WARN, self._values["inputs"] and quiet_s > self.SILENT_S, quiet),
             (WARN, at.recent("lost", self.lost), f"{self.lost} pieces lost: they come too fast"),
             (WARN, off, f"{off} times far from their receipt, which was used instead"),
             (WARN, rising, f"left out: {counts_text(faults)}"),
@@ -132,7 +133,7 @@ class ReportBridge(ReceivingNode):
         quiet_s = at.quiet_s(network, used)
         condition = first(
             at.inactive,
-            (WARN, quiet_s > SILENT_S, f"silent for {quiet_s:.0f} s"),
+            (WARN, quiet_s > self.SILENT_S, f"silent for {quiet_s:.0f} s"),
             (OK, True, f"{used} reports"),
         )
         known = len(self._stream.transmitters.known)

@@ -97,11 +97,6 @@ class UniformClutter:
 
 ClutterLaw: TypeAlias = RayleighClutter | LogNormalClutter | UniformClutter
 NOISE = RayleighClutter(1.0)
-LAWS: dict[str, type[ClutterLaw]] = {
-    "rayleigh": RayleighClutter,
-    "log_normal": LogNormalClutter,
-    "uniform": UniformClutter,
-}
 
 
 def read_clutter(
@@ -121,10 +116,15 @@ def read_clutter(
 
 def law_of(given: Any, prefix: str, radar: RadarModel, faults: list[str]) -> ClutterLaw:
     """Return a checked law; add its faults to `faults` and return noise if there are any."""
+    laws = {
+        "rayleigh": RayleighClutter,
+        "log_normal": LogNormalClutter,
+        "uniform": UniformClutter,
+    }
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         return NOISE
-    declared = LAWS.get(str(given.get("law")))
+    declared = laws.get(str(given.get("law")))
     if declared is None:
         take((LAW,), given, prefix, faults)
         return NOISE

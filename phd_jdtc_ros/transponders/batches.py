@@ -11,8 +11,6 @@ import numpy.typing as npt
 from .messages import NAME_SIZE, NONE, Heard
 from .transmitters import Dated
 
-# Upper bound of the reports of a batch.
-MOST = 10_000
 # Marks an unknown address in a cloud.
 UNKNOWN = 2**32 - 1
 # Columns of double precision.
@@ -30,6 +28,9 @@ class Batch(NamedTuple):
 class Batches:
     """Collects reports; a batch ends a period after its first report."""
 
+    # Upper bound of the reports of a batch.
+    MOST = 10_000
+
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
         self._pending: list[Dated] = []
@@ -37,7 +38,7 @@ class Batches:
 
     def add(self, report: Dated, came_ns: int) -> Batch | None:
         """Add a report, and return the batch that has ended before it."""
-        full = len(self._pending) >= MOST
+        full = len(self._pending) >= self.MOST
         ended = self.finish() if full or abs(came_ns - self._first_ns) >= self._period_ns else None
         if not self._pending:
             self._first_ns = came_ns

@@ -22,9 +22,6 @@ from msg_adapters.encoding import interfaces
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import short
 
-# Largest number of topics in a hint.
-MAX_LISTED = 5
-
 
 def reliable(depth: int) -> QoSProfile:
     """Return a reliable, volatile QoS.
@@ -94,6 +91,8 @@ def publisher_hint(node: Node, topic: str, message_class: type) -> str:
 
     It lists other topics of that type, except for the node's own. `topic` is a full name.
     """
+    # Largest number of topics in a hint.
+    max_listed = 5
     expected = interfaces.type_name(message_class)
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
     if expected in types:
@@ -101,7 +100,7 @@ def publisher_hint(node: Node, topic: str, message_class: type) -> str:
     if types:
         return f"{topic} is published as {', '.join(sorted(types))}, must be {expected}"
     found = _topics_of(node, expected)
-    listed = ", ".join(map(short, found[:MAX_LISTED])) + (", ..." if found[MAX_LISTED:] else "")
+    listed = ", ".join(map(short, found[:max_listed])) + (", ..." if found[max_listed:] else "")
     where = f"is on {listed}" if found else "is on no other topic"
     return f"no publisher on {topic}; {expected} {where}"
 

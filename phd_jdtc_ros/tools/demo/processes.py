@@ -25,11 +25,12 @@ START_S, STOP_S = 60.0, 10.0
 FINISH_S = 30.0
 METRICS, RECORDING = "metrics.json", "estimates"
 PARAMETERS = bag_parameters.NAME
-PACKAGE = "phd_jdtc_ros"
 
 
 class Processes:
     """The demo's nodes; those still running are stopped when the context ends."""
+
+    PACKAGE = "phd_jdtc_ros"
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
@@ -72,7 +73,7 @@ class Processes:
 
         Its output goes to its log, or to the terminal if `in_terminal`.
         """
-        executable = [module] if module else [PACKAGE, name]
+        executable = [module] if module else [self.PACKAGE, name]
         line = [sys.executable, "-m", *executable, *arguments, "--ros-args"]
         for key, value in parameters.items():
             line += ["-p", f"{key}:={value}"]
