@@ -44,17 +44,17 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_585,
+    "lines of the product": 78_573,
     "files of the product": 439,
     "declared parameters": 161,
-    "constants of modules per 1,000 lines": 14.5,
+    "constants of modules per 1,000 lines": 12.6,
     f"functions with {MANY} parameters or more": 1,
     "calls like f(*(a, b), c)": 0,
     "imports of models of the world": 19,
     "public members of Sensor": 29,
     "circles of imports": 0,
     "files that a scan enters": 72,
-    "Python calls in a scan": 1_041,
+    "Python calls in a scan": 1_038,
     "returns in a scan": 900,
 }
 
