@@ -19,6 +19,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     league          trackers side by side on recordings that a manifest names
     tuning_truth    proposals of `tune` beside the simulated values
     space           targets with heights, beside trackers in the plane
+    positions       people and vehicles from the places that a lidar reports
 
 `peers` has other trackers for comparison. A study computes the figures of a seed, and derives goals
 and tables from figures.

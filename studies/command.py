@@ -40,6 +40,7 @@ STUDIES = {
     "conflicts": "conflicts.STUDY",
     "self_reports": "self_reports.STUDY",
     "space": "space.STUDY",
+    "positions": "positions.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = (

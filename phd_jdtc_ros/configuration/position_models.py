@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.factors import (
     Pressure,
 )
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
-from phd_jdtc_ros.core.sensors.gaussians import ReportedHeights
+from phd_jdtc_ros.core.sensors.gaussians import SPAN, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -41,15 +41,17 @@ def position_model(own: PositionParameters) -> PositionSensor:
         visibility=WatchedArea(own.area, own.detection_probability),
         velocity_model=VelocityModel(own.velocity_std) if own.fields.vx and own.fields.vy else None,
         height_prior=own.height_prior,
-        reported_heights=None if own.height_prior is None else _heights(own),
+        reported_heights=None if own.height_prior is None else _heights(own, own.height_prior),
     )
 
 
-def _heights(own: PositionParameters) -> ReportedHeights:
+def _heights(own: PositionParameters, prior: HeightPrior) -> ReportedHeights:
     """Return the errors of the heights in space: of z, or else of pressure altitudes."""
+    # Undetected targets and clutter have the prior's heights: a uniform law of its deviation.
+    span = min(SPAN, math.sqrt(12.0) * prior.std)
     if own.fields.height:
-        return ReportedHeights(pressure=True)
-    return ReportedHeights(own.position_std, garbled=0.0)
+        return ReportedHeights(pressure=True, span=span)
+    return ReportedHeights(own.position_std, garbled=0.0, span=span)
 
 
 def position_factors(own: PositionParameters) -> tuple[Factor, ...]:

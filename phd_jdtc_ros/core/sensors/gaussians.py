@@ -142,9 +142,10 @@ class ReportedHeights:
 
     # Standard deviation of a height without its own, metres: Mode C has steps of 100 ft.
     std: float = 7.6
-    # Probability that a height is garbled: it is then uniform over `SPAN`.
-    garbled: float = 0.01
+    garbled: float = 0.01  # Probability that a height is garbled: it is then uniform
     pressure: bool = False  # Whether they are pressure altitudes
+    # Interval in which heights of undetected targets, of clutter and garbled ones are uniform, m.
+    span: float = SPAN
 
     def of(self, detections: Detections) -> Heights | None:
         """Return the heights of detections; None without any."""
@@ -152,9 +153,8 @@ class ReportedHeights:
         if height is None or not np.isfinite(height).any():
             return None
         own = np.full(len(height), self.std)
-        return Heights(
-            self.garbled, height, own if std is None else np.where(np.isfinite(std), std, own)
-        )
+        own = own if std is None else np.where(np.isfinite(std), std, own)
+        return Heights(self.garbled, height, own, self.span)
 
 
 class Air(NamedTuple):
@@ -180,6 +180,7 @@ class Heights(NamedTuple):
     garbled: float  # See `ReportedHeights`
     height: FloatArray  # Metres, NaN where unknown, (M,)
     std: FloatArray  # Standard deviations, metres, (M,)
+    span: float = SPAN  # See `ReportedHeights`
 
     @property
     def is_known(self) -> BoolArray:
@@ -188,7 +189,7 @@ class Heights(NamedTuple):
 
     def take(self, rows: IntArray) -> Heights:
         """Return the heights of these detections."""
-        return Heights(self.garbled, self.height[rows], self.std[rows])
+        return Heights(self.garbled, self.height[rows], self.std[rows], self.span)
 
     def compare(self, mean: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log likelihood of heights, and the probability that each is not garbled.
@@ -201,7 +202,7 @@ class Heights(NamedTuple):
         known, total = np.isfinite(height), variance + std**2
         error = np.where(known, height, mean) - mean
         density = np.exp(-0.5 * error**2 / total) / np.sqrt(2.0 * np.pi * total)
-        true = (1.0 - self.garbled) * SPAN * density
+        true = (1.0 - self.garbled) * self.span * density
         likelihood = np.maximum(true + self.garbled, TINY)
         log_likelihood = np.where(known, np.log(likelihood), 0.0)
         return log_likelihood, np.where(known, true / likelihood, 0.0)

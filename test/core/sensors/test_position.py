@@ -90,6 +90,13 @@ def test_false_detections_are_uniform_in_the_area_and_in_a_span_of_velocities():
     moving = replace(SENSOR, velocity_model=VelocityModel(0.5, span=50.0))
     expected = np.log(4.0 / 1e4) - np.log([2500.0, 1.0])
     assert_allclose(View.of(moving, found).log_clutter, expected)
+    # False climb rates have a span of their own, and an unknown one that of the others.
+    climb, own_std = np.array([[0.2], [0.0]]), np.array([[0.5] * 3, [0.5, 0.5, 80.0]])
+    rising = found.changed(
+        velocity=np.hstack([[[3.0, 4.0], [1.0, 0.0]], climb]), velocity_std=own_std
+    )
+    expected = np.log(4.0 / 1e4) - np.log([2500.0 * 20.0, 2500.0 * 50.0])
+    assert_allclose(View.of(moving, rising).log_clutter, expected)
 
 
 def test_velocities_are_turned_into_the_world_frame():
