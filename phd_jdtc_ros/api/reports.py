@@ -177,7 +177,8 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
             continue
         radar = config.inputs[index]
         own = rows_of(columns, rows)
-        _warn_of_step_back(time_ns[rows], own)
+        if text := _of_clock(time_ns[rows], own):
+            warnings.warn(f"{TIME}: {text}", stacklevel=3)
         sent = _columns_of(own, radar)
         timed = radar.fields.time == TIME
         stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
@@ -189,22 +190,28 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
     return sorted(found, key=lambda each: (each[1].stamp_ns, each[0]))
 
 
-def _warn_of_step_back(time_ns: IntArray, columns: Columns) -> None:
-    """Warn of times that ascend but for a step back of a clock, or two of joined recordings."""
+def _of_clock(time_ns: IntArray, columns: Columns) -> str:
+    """Return the sentence about a clock that was set back, or stopped; empty if neither shows."""
+    times, count = np.unique(time_ns, return_counts=True)
+    if len(times) > 1 and count.max() > max(0.1 * len(time_ns), 10.0 * np.median(count)):
+        row = int(np.argmax(time_ns == times[np.argmax(count)]))
+        return (
+            f"{count.max()} of {len(time_ns)} rows have the time of {place_of(columns, row)}, and "
+            "are one scan; if a clock stopped there, leave them out"
+        )
     steps = np.diff(time_ns)
     back, ahead = np.flatnonzero(steps < 0) + 1, steps[steps > 0]
     # Tables by target have more such steps, and each begins and ends with the others.
     if not 1 <= len(back) <= 2 or -steps[back[0] - 1] <= 2.0 * np.median(ahead):
-        return
+        return ""
     before, after = time_ns[: back[0]], time_ns[back[0] :]
-    if before.min() < after.min() and before.max() < after.max():
-        warnings.warn(
-            f"{TIME}: steps back by {-steps[back[0] - 1] / 1e9:g} s in "
-            f"{place_of(columns, int(back[0]))}, and otherwise ascends; rows of equal times on "
-            "both sides are one scan. If a clock was set back there, or two recordings are joined, "
-            "track the parts one by one",
-            stacklevel=4,
-        )
+    if before.min() >= after.min() or before.max() >= after.max():
+        return ""
+    return (
+        f"steps back by {-steps[back[0] - 1] / 1e9:g} s in {place_of(columns, int(back[0]))}, and "
+        "otherwise ascends; rows of equal times on both sides are one scan. If a clock was set "
+        "back there, or two recordings are joined, track the parts one by one"
+    )
 
 
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:

@@ -86,6 +86,8 @@ def damage(counts: Counter[str]) -> Iterator[str]:
     if damaged:
         places = f"{damaged} place{'s' * (damaged > 1)}"
         yield f"is damaged in {places}: {counts['bytes_skipped']} bytes are left out"
+    if cut := counts["packet_cut"]:
+        yield f"has {cut} packets that were not captured whole, and are left out: tcpdump -s 0"
     if counts["unpacking_ended"]:
         yield "gzip cannot unpack it to its end: what is behind the damage is missing"
 

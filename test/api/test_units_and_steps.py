@@ -132,6 +132,15 @@ def test_a_clock_that_was_set_back_is_named_with_its_row():
     )
 
 
+def test_a_clock_that_stopped_is_named_with_its_row():
+    table = without(recording(12), "range_rate")
+    row = int(np.searchsorted(table["time"], 60.0))
+    table["time"] = np.minimum(table["time"], 60.0)
+    (text,) = said(table)
+    rows = len(table["time"])
+    assert text.startswith(f"time: {rows - row} of {rows} rows have the time of row {row + 1}, and")
+
+
 def test_tables_by_target_and_in_any_order_are_no_clocks_set_back():
     table = without(recording(8), "range_rate")
     rng = np.random.default_rng(0)

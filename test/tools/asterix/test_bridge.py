@@ -238,6 +238,17 @@ def test_capture_without_datagrams_has_no_data_blocks(bridge):
     assert said.err.endswith(": has no data blocks of ASTERIX\n")
 
 
+def test_packets_that_were_not_captured_whole_are_no_success(bridge):
+    blocks = made.revolutions(4, seen=SEEN)
+    packets = [(round(k * 1e9 / 8.0), made.packet(block)) for k, block in enumerate(blocks)]
+    # The last packet has the length that it was sent with, and four bytes less.
+    data, size = bytearray(made.pcap(packets)), len(packets[-1][1])
+    data[-size - 8 : -size - 4] = (size - 4).to_bytes(4, "little")
+    status, _, said = bridge(bytes(data[:-4]))
+    assert status == 3
+    assert "has 1 packets that were not captured whole, and are left out: tcpdump -s 0" in said.err
+
+
 @pytest.mark.parametrize("given", ["0", "65536", "-1", "8600x", "9" * 5000])
 def test_impossible_port_is_refused(bridge, given, capsys):
     with pytest.raises(SystemExit, match="2"):
