@@ -52,12 +52,13 @@ def frozen(columns: ColumnsT) -> ColumnsT:
     Contiguous arrays are not copied, and become read-only themselves.
     """
     own: Any = columns
-    values: list[Any] = [*columns]
     for index, column in enumerate(columns):
         if isinstance(column, np.ndarray):
-            values[index] = np.ascontiguousarray(column)
-            values[index].setflags(False)  # See `read_only`.
-    same: ColumnsT = own._make(values)
+            contiguous: Any = np.ascontiguousarray(column)
+            contiguous.setflags(False)  # See `read_only`.
+            if contiguous is not column:
+                own = own._make([*own[:index], contiguous, *own[index + 1 :]])
+    same: ColumnsT = own
     return same
 
 
