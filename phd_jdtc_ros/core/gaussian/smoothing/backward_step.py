@@ -208,11 +208,10 @@ def _blend_with_dying(
 
     `share` is the weight of the latter.
     """
-    cross_share = share * (1.0 - share)
     x, vx, y, vy, omega, z, vz = difference(dying_mean, mean)
     for i in range(SIZE):
         dying, row = dying_covariance[i], covariance[i]
-        outer = cross_share * (dying_mean[i] - mean[i])
+        outer = share * (1.0 - share) * (dying_mean[i] - mean[i])
         # For the order see `add_spread`.
         first = row[0] + (share * (dying[0] - row[0]) + outer * x)
         second = row[1] + (share * (dying[1] - row[1]) + outer * vx)
