@@ -24,8 +24,8 @@ from .accumulator import (
     root_mean,
     share,
 )
-from .comparison import Comparison, are_in_space
-from .metrics import gospa, ospa
+from .comparison import Comparison, PointSet, are_in_space
+from .metrics import assign, gospa, ospa
 
 
 class OspaAccumulator(Accumulator):
@@ -202,7 +202,7 @@ class Space(Accumulator):
         place = part.estimate.place
         found = np.where(np.isnan(place).any(axis=1, keepdims=True), far, place)
         parameters = part.truth.place, found, self.cutoff, self.order
-        squares = _squares(part)
+        squares = self._squares(part.truth, part.estimate)
         return (
             ospa(*parameters).distance,
             gospa(*parameters).distance,
@@ -211,20 +211,26 @@ class Space(Accumulator):
             float(squares.sum()) / 6,
         )
 
+    def _squares(self, truth: PointSet, estimate: PointSet) -> FloatArray:
+        """Return the squared Mahalanobis distances of the pairs that are known in all axes.
 
-def _squares(part: Comparison) -> FloatArray:
-    """Return the squared Mahalanobis distances of the pairs that are known in all axes."""
-    true, found = part.paired_truth, part.paired_estimate
-    covariance = found.space_covariance
-    error = np.concatenate([found.place - true.place, found.motion - true.motion], axis=1)
-    if covariance is None:
-        return np.zeros(0)
-    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    error, covariance = error[known], covariance[known]
-    sound = np.linalg.eigvalsh(covariance).min(axis=1, initial=1.0) > 0.0
-    solved = np.linalg.solve(covariance[sound], error[sound][..., None])[..., 0]
-    squares: FloatArray = (solved * error[sound]).sum(axis=1)
-    return squares
+        Pairs are nearest in position and velocity, of a second: where a target passes another,
+        positions alone would take the velocity of one for an error of the other.
+        """
+        covariance = estimate.space_covariance
+        if covariance is None:
+            return np.zeros(0)
+        true, found = (np.hstack([each.place, each.motion]) for each in (truth, estimate))
+        true = true[np.isfinite(true).all(axis=1)]
+        known = np.isfinite(found).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+        found, covariance = found[known], covariance[known]
+        sound = np.linalg.eigvalsh(covariance).min(axis=1, initial=1.0) > 0.0
+        found, covariance = found[sound], covariance[sound]
+        row, column = assign(true, found, self.cutoff, self.order)
+        error = found[column] - true[row]
+        solved = np.linalg.solve(covariance[column], error[..., None])[..., 0]
+        squares: FloatArray = (solved * error).sum(axis=1)
+        return squares
 
 
 # Error of position that suffices for air surveillance, metres.

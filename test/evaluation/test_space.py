@@ -63,6 +63,16 @@ def test_targets_one_above_the_other_are_paired_by_their_heights():
     assert dict(zip(target.tolist(), estimate.tolist(), strict=True)) == {0: 1, 1: 0}
 
 
+def test_targets_that_pass_each_other_are_judged_by_their_own_velocities():
+    motions = np.array([[15.0, 0.0, 0.0], [-15.0, 0.0, 0.0]])
+    true = truth([[0, 0, 0], [0.2, 0, 0]], motions)
+    # Each estimate is nearer to the other target.
+    states = np.column_stack([[[0.2, 0, 0], [0, 0, 0]], motions])
+    values, _ = values_of(true, estimates(states, 0.01 * np.eye(6)))
+    assert values["judged_in_space"] == 2
+    assert values["nees_3d_sum"] == pytest.approx(2.0 * 0.2**2 / 0.01 / 6.0)
+
+
 def test_nees_of_six_axes_is_one_of_right_covariances():
     rng = np.random.default_rng(1)
     root = rng.normal(size=(6, 6)) + 3.0 * np.eye(6)
