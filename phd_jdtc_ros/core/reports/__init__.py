@@ -9,7 +9,8 @@ not". The estimate of a track is the mixture of its own and those of its pairs.
 
     SelfReports                          types
       |  split by address and path       sources: ghosts, which are filters of the reports alone
-      |  new pairs, reports              pairs: filters with the antenna's offset
+      |  sources, new pairs              pairs: which begin and end
+      |  reports                         pair_filter: a state with the antenna's offset
     plots of a look                      looks: the association probabilities of the engine
       |  owners                          owners: marginals of sources and tracks
       |  silence, dark, doubt            silence, judgement

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, frozen, run_starts
+from ..compilation import Float1, Float2, Float3, Int1, Int2
 from ..types import UNKNOWN
 from ..types.reports import ACCURATE, SelfReports
 from .model import MOST_OF_ADDRESS, MOST_PAIRS, MOST_PER_SECOND, MOST_SOURCES, Receiver
-from .pairs import Batch, Chains
 from .tables import Pairs, Sources
 
 # Standard deviations of errors are within these bounds, metres.
@@ -16,6 +18,38 @@ LEAST_STD, MOST_STD = 1.0, 1e5
 # Antennas that ships say are farther from their middles are errors, metres. The others are right
 # within the larger one of this standard deviation and the ship's length by this number.
 LONGEST, LEAST_ANTENNA_STD, LENGTHS = 500.0, 5.0, 10.0
+
+
+class Batch(NamedTuple):
+    """Reports in the order of their times."""
+
+    time_ns: Int1
+    measured: Float2  # Position and velocity, (M, 4)
+    noise: Float3  # Covariance of both, (M, 4, 4)
+    components: Int1  # 4, or 2 without a velocity, (M,)
+    ahead: Float2  # Direction of the bow, unit vector, or 0, 0 if unknown, (M, 2)
+    chain: Int1  # Index of the report's address among those of the batch, (M,)
+    receiver: Int1
+    gap_s: Float1  # Shortest time between two reports of such a transmitter, 0 if unknown, (M,)
+    # The antenna's place ahead and left as said, and its standard deviation, 0 if unknown, (M, 3).
+    antenna: Float2
+
+
+class Chains(NamedTuple):
+    """The sources of each address of a batch, and the pairs of each source, as linked lists."""
+
+    first: Int1  # Row of the first source of each address; -1 for none, (A,)
+    most: Int1  # Largest number of sources of each address, (A,)
+    following: Int1  # Row of the next source of the same address; -1 for none, (S,)
+    pairs: Int2  # Rows of the pairs of each source; -1 for none, (S, MOST_PAIRS)
+
+
+class Tables(NamedTuple):
+    """What reports change."""
+
+    sources: Sources
+    pairs: Pairs
+    chains: Chains
 
 
 def keys_of(address: IntArray, space: IntArray) -> IntArray:

@@ -11,14 +11,13 @@ from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import Estimates
 from ..types.reports import NAME_SIZE, SelfReports
 from . import judgement, silence
-from .batches import batch_of, chains_of, describe_sources, selected
+from .batches import Tables, batch_of, chains_of, describe_sources, selected
 from .looks import Look, Rows, moments, take_look
 from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver
 from .owners import NUMBERED, OWN_LABELS, owner_probabilities, with_public
-from .pairs import Assumed, Rules, Tables, Used, adopted, take_reports
+from .pairs import Assumed, Used, adopted, take_reports
 from .smoothing import MAX_LINKS, links_of, mixture
-from .state import LayerState
-from .tables import Learned, Links, Pairs, Sources, Tracks, concatenate, extended, take
+from .tables import LayerState, Learned, Links, Pairs, Sources, Tracks, concatenate, extended, take
 
 # Name of the arrays in a snapshot, and their sizes.
 NAME = "reports"
@@ -80,7 +79,7 @@ class SelfReporting(LayerState):
         used, source_of = take_reports(
             batch,
             layer._assumed,
-            layer._rules,
+            RELIABILITY._replace(noise_density=layer.noise_density),
             layer.tracks,
             Used(len(known.number), len(pairs.number), *layer.learned.next.tolist()),
             tables,
@@ -117,20 +116,6 @@ class SelfReporting(LayerState):
                 np.log([each.area for each in habits]),
                 2.0 * np.log([2.0 * each.fastest for each in habits]),
             )
-        )
-
-    @property
-    def _rules(self) -> Rules:
-        own = RELIABILITY
-        return Rules(
-            self.noise_density,
-            own.turns_wrong,
-            own.turns_right,
-            own.later,
-            own.early_s,
-            own.gate,
-            own.own_gate,
-            own.jumps,
         )
 
     def _received_with(self, before: Sources, after: Sources) -> FloatArray:

@@ -52,6 +52,22 @@ def predict(state: Writeable[State], dt: float, noise: float) -> None:
         covariance[axis + 2, axis + 2] += noise * dt
 
 
+def moved(
+    mean: FloatArray, covariance: FloatArray, dt: FloatArray, noise: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """Return N states after times, or before them if negative, (N, n) and (N, n, n)."""
+    motion = np.tile(np.eye(mean.shape[1]), (len(mean), 1, 1))
+    motion[:, 0, 2] = motion[:, 1, 3] = dt
+    spread: FloatArray = motion @ covariance @ motion.swapaxes(1, 2)
+    long = np.abs(dt)
+    for axis in (0, 1):
+        spread[:, axis, axis] += noise * long**3 / 3.0
+        spread[:, axis, axis + 2] += noise * dt * long / 2.0
+        spread[:, axis + 2, axis] += noise * dt * long / 2.0
+        spread[:, axis + 2, axis + 2] += noise * long
+    return (motion @ mean[:, :, None])[:, :, 0], spread
+
+
 @inner
 def factorise(matrix: FloatArray, size: int, factor: FloatArray) -> None:
     """Write the Cholesky factor of the leading rows of a covariance."""

@@ -11,9 +11,9 @@ from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 from ..types.reports import LEFT, NO_REASON, SHARED, UNCONFIRMED, Reported
 from . import silence
 from .batches import keys_of
+from .filters import moved
 from .owners import OWN_LABELS
-from .state import LayerState
-from .tables import Sources
+from .tables import LayerState, Sources
 
 # Looks of a radar from which an unseen source is doubtful.
 LOOKS = 3
@@ -251,20 +251,14 @@ def _ghosts(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the states of sources at the estimates' stamp, with covariances."""
     sources, space = layer.sources, estimates.space
-    dt = (estimates.stamp_ns - sources.last_ns[row]) * 1e-9
-    by_receiver = np.array([each.habits.noise_density for each in layer.receivers])
-    density = by_receiver[sources.receiver[row]]
-    motion = np.tile(np.eye(4), (len(row), 1, 1))
-    motion[:, 0, 2] = motion[:, 1, 3] = dt
-    moved = motion @ sources.covariance[row, :4, :4] @ motion.swapaxes(1, 2)
-    for axis in (0, 1):
-        moved[:, axis, axis] += density * np.abs(dt) ** 3 / 3.0
-        moved[:, axis, axis + 2] += density * dt * np.abs(dt) / 2.0
-        moved[:, axis + 2, axis] += density * dt * np.abs(dt) / 2.0
-        moved[:, axis + 2, axis + 2] += density * np.abs(dt)
+    dt = (estimates.stamp_ns - sources.last_ns[row]).astype(np.float64) * 1e-9
+    density = np.array([each.habits.noise_density for each in layer.receivers])
+    mean, spread = moved(
+        sources.mean[row, :4], sources.covariance[row, :4, :4], dt, density[sources.receiver[row]]
+    )
     axes = space.planar_axes
     state = np.zeros((len(row), len(space)))
-    state[:, axes] = (motion @ sources.mean[row, :4, None])[:, :, 0]
+    state[:, axes] = mean
     covariance = np.tile(1e-6 * np.eye(len(space)), (len(row), 1, 1))
-    covariance[:, axes[:, None], axes] = 0.5 * (moved + moved.swapaxes(1, 2))
+    covariance[:, axes[:, None], axes] = 0.5 * (spread + spread.swapaxes(1, 2))
     return state, covariance

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, Float2, Float3, Float4, Int1, Writeable, compiled, inner
 from .filters import State, observe
-from .pairs import MOST_WEIGHT, advance
+from .pair_filter import MOST_WEIGHT, advance
 from .tables import Pairs
 
 # Association probability below which a plot is not of a track.

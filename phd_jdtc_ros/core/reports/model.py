@@ -108,8 +108,7 @@ class Receiver(ReadOnly):
 SLOWEST = 3.0
 
 
-@dataclass(frozen=True)
-class Reliability:
+class Reliability(NamedTuple):
     """How sources turn wrong and right, and when a pair is given up."""
 
     turns_wrong: float = 1e-4  # Probability that an honest source turns wrong, per report
@@ -120,6 +119,7 @@ class Reliability:
     gate: float = 30.0  # Square distance of position and velocity within which pairs begin
     own_gate: float = 40.0  # The same of a source's own reports
     jumps: float = 1e-3  # Share of a source's reports that are anywhere
+    noise_density: float = 0.0  # Spectral density of the tracks' acceleration, m^2/s^3
 
 
 RELIABILITY = Reliability()

@@ -1,4 +1,4 @@
-"""A batch of reports: sources are found or made, pairs with tracks begin, and both are updated."""
+"""Which pairs begin and end: sources are found or made by reports, and paired with tracks near."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, frozen
-from ..compilation import Float1, Float2, Float3, Int1, Int2, Writeable, compiled, inner
-from .filters import Link, State, link_back, observe, predict
-from .model import MOST_PAIRS, RELIABILITY
+from ..compilation import Float1, Writeable, compiled, inner
+from .batches import Batch, Tables
+from .filters import State, moved, observe, predict
+from .model import MOST_PAIRS, RELIABILITY, Reliability
+from .pair_filter import update_pairs, write_matrix, write_noise, write_pair
 from .tables import Pairs, Sources, Tracks, extended
 
 # Existence probability from which a track can be a source's own.
 LEAST_EXISTENCE = 0.2
-# Slower transmitters have no course, metres per second.
-STEERABLE = 0.3
 # Two reports of one time and one address at this distance are one, metres.
 SAME_PLACE = 1.0
 # Distance within which sources of one address are always compared, metres.
@@ -27,43 +27,6 @@ RECENT_S = 30.0
 LIKELY = 3.0
 # The velocities that a new source says are as if they had been right this long ago, seconds.
 UNTRUE_S = 4.0
-# Standard deviation of an antenna's place ahead from which it tells whether the ship says it
-# rightly, metres, and the square distance within which she does.
-KNOWN_ANTENNA, FITTING = 20.0, 4.0
-# Bounds of log weights: no evidence is stronger.
-MOST_WEIGHT = 30.0
-
-
-class Batch(NamedTuple):
-    """Reports in the order of their times."""
-
-    time_ns: Int1
-    measured: Float2  # Position and velocity, (M, 4)
-    noise: Float3  # Covariance of both, (M, 4, 4)
-    components: Int1  # 4, or 2 without a velocity, (M,)
-    ahead: Float2  # Direction of the bow, unit vector, or 0, 0 if unknown, (M, 2)
-    chain: Int1  # Index of the report's address among those of the batch, (M,)
-    receiver: Int1
-    gap_s: Float1  # Shortest time between two reports of such a transmitter, 0 if unknown, (M,)
-    # The antenna's place ahead and left as said, and its standard deviation, 0 if unknown, (M, 3).
-    antenna: Float2
-
-
-class Chains(NamedTuple):
-    """The sources of each address of a batch, and the pairs of each source, as linked lists."""
-
-    first: Int1  # Row of the first source of each address; -1 for none, (A,)
-    most: Int1  # Largest number of sources of each address, (A,)
-    following: Int1  # Row of the next source of the same address; -1 for none, (S,)
-    pairs: Int2  # Rows of the pairs of each source; -1 for none, (S, MOST_PAIRS)
-
-
-class Tables(NamedTuple):
-    """What reports change."""
-
-    sources: Sources
-    pairs: Pairs
-    chains: Chains
 
 
 class Found(NamedTuple):
@@ -84,19 +47,6 @@ class Assumed(NamedTuple):
     log_speeds: Float1  # Log of the area of their velocities
 
 
-class Rules(NamedTuple):
-    """The numbers of `Reliability`, and the spectral density of the tracks' acceleration."""
-
-    noise_density: float
-    turns_wrong: float
-    turns_right: float
-    later: float
-    early_s: float
-    gate: float
-    own_gate: float
-    jumps: float
-
-
 class Used(NamedTuple):
     """Numbers of rows in use, and the next number of a source and of a pair."""
 
@@ -113,62 +63,6 @@ def _logaddexp(one: float, other: float) -> float:
 
 
 @inner
-def turned(log_weight: float, rules: Rules) -> float:
-    """Return a log weight after a report: honest sources may turn wrong, and wrong ones right."""
-    bounded = min(max(log_weight, -MOST_WEIGHT), MOST_WEIGHT)
-    p = 1.0 / (1.0 + math.exp(-bounded))
-    p = (1.0 - rules.turns_wrong) * p + rules.turns_right * (1.0 - p)
-    return math.log(p / (1.0 - p))
-
-
-@inner
-def write_matrix(matrix: FloatArray, ahead: FloatArray, late_s: float) -> None:
-    """Write the measurement of a pair's report: place with the offset, and velocity.
-
-    `late_s` is the time from the report to the state, seconds; 0 if the state is the report's.
-    """
-    for i in range(4):
-        for k in range(matrix.shape[1]):
-            matrix[i, k] = 0.0
-        matrix[i, i] = 1.0
-    matrix[0, 2] = matrix[1, 3] = -late_s
-    if matrix.shape[1] > 4:
-        matrix[0, 4] = matrix[1, 5] = ahead[0]
-        matrix[0, 5], matrix[1, 4] = -ahead[1], ahead[1]
-
-
-@inner
-def _write_own_matrix(matrix: FloatArray, late_s: float) -> None:
-    """Write the measurement of a ghost's report: place, and velocity with its error."""
-    write_matrix(matrix, np.zeros(2), late_s)
-    matrix[2, 4] = matrix[3, 5] = 1.0
-
-
-@inner
-def write_noise(noise: FloatArray, own: FloatArray, late_s: float, density: float) -> None:
-    """Write the noise of a report that is late: what the state may have done since is added."""
-    for i in range(4):
-        for k in range(4):
-            noise[i, k] = own[i, k]
-    for i in range(2):
-        noise[i, i] += density * late_s**3 / 3.0
-        noise[i, i + 2] -= density * late_s**2 / 2.0
-        noise[i + 2, i] -= density * late_s**2 / 2.0
-        noise[i + 2, i + 2] += density * late_s
-
-
-@compiled
-def advance(pairs: Writeable[Pairs], row: int, time_ns: int, density: float) -> None:
-    """Predict a pair to a later time, with its link back."""
-    dt = (time_ns - pairs.time_ns[row]) * 1e-9
-    before = State(pairs.mean[row].copy(), pairs.covariance[row].copy())
-    predict(State(pairs.mean[row], pairs.covariance[row]), dt, density)
-    after = State(pairs.mean[row].copy(), pairs.covariance[row].copy())
-    link_back(before, after, dt, Link(pairs.shift[row], pairs.gain[row], pairs.rest[row]))
-    pairs.time_ns[row] = time_ns
-
-
-@inner
 def _copy(state: State, to: State) -> None:
     for i in range(len(state.mean)):
         to.mean[i] = state.mean[i]
@@ -179,6 +73,13 @@ def _copy(state: State, to: State) -> None:
 @inner
 def _new_state(size: int) -> State:
     return State(np.empty(size), np.empty((size, size)))
+
+
+@inner
+def _write_own_matrix(matrix: FloatArray, late_s: float) -> None:
+    """Write the measurement of a ghost's report: place, and velocity with its error."""
+    write_matrix(matrix, np.zeros(2), late_s)
+    matrix[2, 4] = matrix[3, 5] = 1.0
 
 
 @compiled
@@ -256,30 +157,12 @@ def _write_source(
 
 
 @compiled
-def write_pair(
-    pairs: Writeable[Pairs], row: int, source: int, label: int, time_ns: int, offset_std: float
-) -> None:
-    """Write a pair that begins now into a row, without its position and velocity."""
-    pairs.source[row], pairs.label[row] = source, label
-    pairs.time_ns[row] = pairs.since_ns[row] = time_ns
-    pairs.owned[row] = 0.0
-    pairs.certain[row] = pairs.heard_ns[row] = 0
-    for i in range(6):
-        pairs.mean[row, i] = pairs.shift[row, i] = 0.0
-        for k in range(6):
-            pairs.covariance[row, i, k] = pairs.rest[row, i, k] = 0.0
-            pairs.gain[row, i, k] = 1.0 if i == k else 0.0
-    pairs.covariance[row, 4, 4] = offset_std**2
-    pairs.covariance[row, 5, 5] = (offset_std / 5.0) ** 2
-
-
-@compiled
 def _begin_pairs(
     batch: Batch,
     report: int,
     source: int,
     assumed: Assumed,
-    rules: Rules,
+    rules: Reliability,
     tracks: Tracks,
     tables: Writeable[Tables],
     used: int,
@@ -354,66 +237,11 @@ def _begin_pairs(
     return used
 
 
-@inner
-def _narrow(state: State, antenna: FloatArray) -> None:
-    """Update the antenna's place with what the ship says of it, in place.
-
-    Some ships say it wrongly, so that it counts only where it fits what is known already.
-    """
-    variance, known = antenna[2] ** 2, state.covariance[4, 4]
-    if antenna[2] == 0.0 or not variance < known < KNOWN_ANTENNA**2:
-        return
-    square = 0.0
-    for i in range(2):
-        square += (state.mean[4 + i] - antenna[i]) ** 2 / (
-            state.covariance[4 + i, 4 + i] + variance
-        )
-    if square > FITTING:
-        return
-    matrix, noise = np.zeros((2, 6)), np.zeros((2, 2))
-    for i in range(2):
-        matrix[i, 4 + i], noise[i, i] = 1.0, variance
-    observe(state, antenna[:2], matrix, noise, 2)
-
-
-@compiled
-def _update_pairs(
-    batch: Batch,
-    report: int,
-    source: int,
-    log_ghost: float,
-    rules: Rules,
-    tables: Writeable[Tables],
-) -> None:
-    """Update the pairs of a source with its report."""
-    sources, pairs, chains = tables
-    matrix, noise, ahead = np.zeros((4, 6)), np.empty((4, 4)), np.empty(2)
-    time_ns, size = batch.time_ns[report], batch.components[report]
-    for slot in range(chains.pairs.shape[1]):
-        row = chains.pairs[source, slot]
-        if row < 0:
-            continue
-        if pairs.time_ns[row] < time_ns:
-            advance(pairs, row, time_ns, rules.noise_density)
-        late_s = (pairs.time_ns[row] - time_ns) * 1e-9
-        ahead[0], ahead[1] = sources.ahead[source, 0], sources.ahead[source, 1]
-        speed = math.hypot(pairs.mean[row, 2], pairs.mean[row, 3])
-        if ahead[0] == 0.0 and ahead[1] == 0.0 and speed > STEERABLE:
-            ahead[0], ahead[1] = pairs.mean[row, 2] / speed, pairs.mean[row, 3] / speed
-        write_matrix(matrix, ahead, late_s)
-        write_noise(noise, batch.noise[report], late_s, rules.noise_density)
-        state = State(pairs.mean[row], pairs.covariance[row])
-        log_likelihood, _ = observe(state, batch.measured[report], matrix, noise, size)
-        _narrow(state, batch.antenna[report])
-        pairs.log_weight[row] = turned(pairs.log_weight[row] + log_likelihood - log_ghost, rules)
-        pairs.heard_ns[row] = max(pairs.heard_ns[row], time_ns)
-
-
 @compiled
 def take_reports(
     batch: Batch,
     assumed: Assumed,
-    rules: Rules,
+    rules: Reliability,
     tracks: Tracks,
     used: Used,
     tables: Writeable[Tables],
@@ -471,7 +299,7 @@ def take_reports(
             math.log(1.0 - rules.jumps) + log_ghost, math.log(rules.jumps) + uniform
         )
         pair_count = _begin_pairs(batch, report, row, assumed, rules, tracks, tables, pair_count)
-        _update_pairs(batch, report, row, log_ghost, rules, tables)
+        update_pairs(batch, report, row, log_ghost, rules, tables)
     for row in range(used.pairs, pair_count):
         pairs.number[row] = used.pair_number + row - used.pairs
     next_pair = used.pair_number + pair_count - used.pairs
@@ -497,17 +325,12 @@ def adopted(
     row = sources.number.searchsorted(pairs.source)
     np.add.at(owned, row, pairs.owned)
     count = np.bincount(row, minlength=len(owned))
-    age_s = (stamp_ns - sources.last_ns) * 1e-9
+    age_s = (stamp_ns - sources.last_ns).astype(np.float64) * 1e-9
     (free,) = ((age_s < RECENT_S) & (owned < 0.5) & (count < MOST_PAIRS)).nonzero()
     age_s, receiver = age_s[free], sources.receiver[free]
-    motion = np.tile(np.eye(4), (len(free), 1, 1))
-    motion[:, 0, 2] = motion[:, 1, 3] = age_s
-    mean = (motion @ sources.mean[free, :4, None])[:, :, 0]
-    spread = motion @ sources.covariance[free, :4, :4] @ motion.swapaxes(1, 2)
-    density, long = assumed.noise_density[receiver], np.abs(age_s)
-    for axis in (0, 1):
-        spread[:, axis, axis] += density * long**3 / 3.0 + assumed.offset_std[receiver] ** 2
-        spread[:, axis + 2, axis + 2] += density * long
+    mean, spread = sources.mean[free, :4], sources.covariance[free, :4, :4]
+    mean, spread = moved(mean, spread, age_s, assumed.noise_density[receiver])
+    spread[:, [0, 1], [0, 1]] += assumed.offset_std[receiver, None] ** 2
     uniform = assumed.log_area[receiver] + assumed.log_speeds[receiver]
     heard_ns, heard = tracks.heard_ns.copy(), tracks.heard.copy()
     begun = []

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, frozen, matches
 from ..types import Estimates
-from .state import LayerState
-from .tables import Links, Pairs, take
+from .filters import moved
+from .tables import LayerState, Links, Pairs, take
 
 # Owner probability below which a pair changes no estimate.
 LEAST_OWNED = 1e-4
@@ -37,22 +37,6 @@ def links_of(pairs: Pairs, stamp_ns: int) -> tuple[Pairs, Links]:
     return frozen(pairs._replace(since_ns=since_ns, shift=shift, gain=gain, rest=rest)), links
 
 
-def _moved(
-    mean: FloatArray, covariance: FloatArray, dt: FloatArray, density: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return states after times, or before them if negative, (N, 6) and (N, 6, 6)."""
-    motion = np.tile(np.eye(mean.shape[1]), (len(mean), 1, 1))
-    motion[:, 0, 2] = motion[:, 1, 3] = dt
-    moved = motion @ covariance @ motion.swapaxes(1, 2)
-    long = np.abs(dt)
-    for axis in (0, 1):
-        moved[:, axis, axis] += density * long**3 / 3.0
-        moved[:, axis, axis + 2] += density * dt * long / 2.0
-        moved[:, axis + 2, axis] += density * dt * long / 2.0
-        moved[:, axis + 2, axis + 2] += density * long
-    return (motion @ mean[:, :, None])[:, :, 0], moved
-
-
 def states_at(
     layer: LayerState, pairs: Pairs, stamp_ns: int, smoothed: bool
 ) -> tuple[FloatArray, FloatArray]:
@@ -72,7 +56,7 @@ def states_at(
         mean[row] = links.shift[link] + (gain @ mean[row][:, :, None])[:, :, 0]
         covariance[row] = links.rest[link] + gain @ covariance[row] @ gain.swapaxes(1, 2)
         time_ns[row] = links.time_ns[link]
-    return _moved(mean, covariance, (stamp_ns - time_ns) * 1e-9, layer.noise_density)
+    return moved(mean, covariance, (stamp_ns - time_ns) * 1e-9, layer.noise_density)
 
 
 def mixture(layer: LayerState, estimates: Estimates, smoothed: bool) -> Estimates:
