@@ -20,7 +20,7 @@ endif
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c $(CONSTRAINTS)
 NOT_INSTALLED := { echo "not installed: the packages come from PyPI, by way of pip's settings" >&2; exit 1; }
 
-.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage compiled mutants check format bags parameters clean
+.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage branches compiled mutants check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
@@ -37,6 +37,7 @@ help:
 	@echo "make pictures  the documentation's tables and pictures again, of the demo, out/study and out/bench"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
+	@echo "make branches  the branches of the core that its own tests take, and their least share"
 	@echo "make compiled  tests of compiled functions, with bounds checks and then interpreted"
 	@echo "make mutants  mutation tests of the association, the update and the smoother, into"
 	@echo "             out/mutants: eight parts in some ten minutes; a part alone with"
@@ -124,6 +125,16 @@ coverage: $(VENV)/.ready-test
 	$(RUN) -m coverage combine --quiet
 	$(RUN) -m coverage report --fail-under=90
 	$(RUN) -m coverage report --include='phd_jdtc_ros/c*/*,phd_jdtc_ros/evaluation/*,phd_jdtc_ros/simulation/*,msg_adapters/*' --fail-under=95
+
+# The least share of the branches of the core that its own tests take: it only rises.
+BRANCHES := 0
+
+branches: $(VENV)/.ready-test
+	@$(INSTALL) -e '.[coverage]' || $(NOT_INSTALLED)
+	$(RUN) -m coverage run --branch --source=phd_jdtc_ros/core --data-file=out/branches \
+	    -m pytest -q test/core
+	$(RUN) -m coverage combine --quiet --data-file=out/branches out
+	$(RUN) -m coverage report --data-file=out/branches --precision=1 --fail-under=$(BRANCHES)
 
 # Code that numba stores is not marked as having bounds checks, so that it has a place of its own.
 compiled: $(VENV)/.ready-test

@@ -5,7 +5,8 @@ it. A limit is what was reached last: whoever gets below it lowers it. Only a ne
 one, by what it needs; the last ones were reports of ships and aircraft, and their decoders, heights
 and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
 replays too, the live picture, the trackers that share a track, the parameters of receivers of
-reports, which are listed now, and the areas of clouds, climb rates and moving platforms in space.
+reports, which are listed now, the areas of clouds, climb rates and moving platforms in space, and
+trackers of self-reports alone.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan

@@ -142,15 +142,15 @@ class Feed:
             return None
         return self._monitor(events)
 
-    def self_reports(self, receiver: int, read: Callable[[], Told]) -> None:
+    def self_reports(self, receiver: int, read: Callable[[], Told]) -> Iterator[Event]:
         """Process a message of self-reports, which `read` decodes; they wait for the next scans."""
         try:
             told = read()
         except RejectedMessageError as error:
             self._notices.on_untold(receiver, error)
-            return
+            return iter(())
         self._notices.on_told(receiver, told)
-        self.pipeline.add_reports(receiver, told.reports)
+        return self._monitor(self.pipeline.add_reports(receiver, told.reports))
 
     def pose(
         self, topic: str, read: Callable[[], tuple[Sequence[RadarPose], Sequence[PoseFault]]]

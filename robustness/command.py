@@ -52,6 +52,7 @@ MODULES = (
     *("operation.network", "operation.recordings", "operation.user_files"),
     "operation.receivers",
     "operation.browsers",
+    "operation.open_browser",
     *("hostile_input.asterix_recordings", "hostile_input.bad_receivers"),
 )
 PARTS = {module.rpartition(".")[2]: module for module in MODULES}

@@ -39,6 +39,7 @@ STUDIES = {
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
     "self_reports": "self_reports.STUDY",
+    "aircraft_reports": "aircraft_reports.STUDY",
     "space": "space.STUDY",
     "positions": "positions.STUDY",
 }

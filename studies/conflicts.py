@@ -29,12 +29,14 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.feed import Feed, Tally
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.transponder import Transponders
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
+from phd_jdtc_ros.study.results import Mean
 
 from . import runner
 from .runner import Figures, Goal, Study
@@ -199,18 +201,21 @@ def _places(flight: Flight, times: FloatArray) -> FloatArray:
 
 
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
-    return {name: forecasts(name, seed) for name in SCENES}
+    return {name: forecasts(name, seed) for name in arguments.scenes}
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=[*SCENES], help="these only")
 
 
 def _combined(found: Sequence[Figures]) -> Figures:
     """Return the reliability of all seeds together, by scene."""
     scenes: Figures = {}
-    for name in SCENES:
+    for name in found[0]:
         of_scene = [each[name] for each in found]
         scenes[name] = {
             kind or "reports": _reliability(
-                [p for own in of_scene for p in own[f"{kind}said"]],
-                [t for own in of_scene for t in own[f"{kind}true"]],
+                [own[f"{kind}said"] for own in of_scene], [own[f"{kind}true"] for own in of_scene]
             )
             for kind in ("", "alarm_")
         }
@@ -220,20 +225,26 @@ def _combined(found: Sequence[Figures]) -> Figures:
     return {"runs": len(found), "scenes": scenes}
 
 
-def _reliability(said: Sequence[float], true: Sequence[bool]) -> list[Figures]:
-    """Return mean probability and share that came true of each row of the table."""
-    p, came = np.array(said), np.array(true, dtype=float)
+def _reliability(said: Sequence[list[float]], true: Sequence[list[bool]]) -> list[Figures]:
+    """Return mean probability and share that came true of each row of the table, of all runs.
+
+    The share has half the width of its 95 % interval: the reports of a run are of the same pairs
+    again and again, so that its runs are what is independent (a ratio estimate).
+    """
+    p, came = np.concatenate(said), np.concatenate(true).astype(float)
+    run = np.repeat(np.arange(len(said)), [len(own) for own in said])
     rows = []
     for low, high in pairwise(BOUNDS):
         own = (p >= low) & (p < high)
         count = int(own.sum())
-        rows.append(
-            {
-                **{"low": low, "high": min(high, 1.0), "count": count},
-                "said": float(p[own].mean()) if count else None,
-                "true": float(came[own].mean()) if count else None,
-            }
-        )
+        row: Figures = {"low": low, "high": min(high, 1.0), "count": count}
+        row |= dict.fromkeys(("said", "true", "half_width"))
+        if count:
+            share = float(came[own].mean())
+            off = Mean.of(np.bincount(run[own], came[own] - share, len(said)).astype(float))
+            width = off.half_width * len(said) / count
+            row |= {"said": float(p[own].mean()), "true": share, "half_width": width}
+        rows.append(row)
     return rows
 
 
@@ -244,7 +255,9 @@ def _tables(figures: Figures) -> list[Table | str]:
         for reports, alarms in zip(scene["reports"], scene["alarm_"], strict=True):
             cells = [f"{reports['low']:.2f} to {reports['high']:.2f}"]
             for each in (reports, alarms):
-                cells += [str(each["count"]), _share(each["said"]), _share(each["true"])]
+                width = each["half_width"]
+                within = "" if width is None or math.isnan(width) else f" ± {width:.2f}"
+                cells += [str(each["count"]), _share(each["said"]), _share(each["true"]) + within]
             rows.append(cells)
         headings = ("probability", "reports", "said", "came true", "alarms", "said", "came true")
         shown += [
@@ -277,4 +290,5 @@ STUDY = Study(
     seed=500,
     runs=12,
     combined=_combined,
+    add_arguments=_add_arguments,
 )

@@ -80,6 +80,8 @@ TRUE_KINDS = (*HONEST, LIAR, BOAT)  # Those that are not dark
 FIRST_MMSI = 211_000_001
 DURATION_S, SETTLING_S, LIES_S = 900.0, 60.0, 180.0
 NEAR = 150.0  # Largest distance between a track and its ship, metres
+# Of ships this near to another one the assignment does not tell whose track one is, metres.
+APART = 60.0
 # Bounds of the rows of P(dark).
 BOUNDS = (0.0, 0.1, 0.3, 0.7, 0.9, 0.99, 1.0 + 1e-9)
 # Lies by the velocity that goes with them, in turn by seed.
@@ -237,6 +239,7 @@ class Scores:
         distance = np.hypot(*(truth[:, None] - alone.position[None, confirmed]).transpose(2, 0, 1))
         pairs = zip(*linear_sum_assignment(np.minimum(distance, NEAR)), strict=True)
         called = set()
+        gap = np.hypot(*(truth[:, None] - truth).transpose(2, 0, 1)) + NEAR * np.eye(len(truth))
         for ship, column in pairs:
             if distance[ship, column] < NEAR:
                 row = int(rows[confirmed[column]])
@@ -246,6 +249,8 @@ class Scores:
                 self._numbers[int(ship)] = numbers
                 for place, (old, new) in enumerate(zip(before, numbers, strict=True)):
                     self.figures["changes"][place] += old != new
+                if gap[ship].min() > APART:
+                    self._add_owner(int(ship), told, row)
                 self._add_track(int(ship), now_s, told, row)
                 if told.dark[row] > ALARM:
                     called.add(int(ship))
@@ -257,13 +262,15 @@ class Scores:
         self._call_dark(called, now_s)
         self._call_doubtful(told, now_s)
 
+    def _add_owner(self, ship: int, told: Reported, row: int) -> None:
+        if told.owned[row] > 0.5 and told.reason[row] != LEFT:
+            self.figures["owned"] += 1
+            self.figures["wrong"] += int(told.address[row]) != self._addresses[ship]
+
     def _add_track(self, ship: int, now_s: float, told: Reported, row: int) -> None:
-        """Count owner and P(dark) of the track of a ship."""
+        """Count P(dark) of the track of a ship."""
         figures = self.figures
         self._since.setdefault(ship, now_s)
-        if told.owned[row] > 0.5 and told.reason[row] != LEFT:
-            figures["owned"] += 1
-            figures["wrong"] += int(told.address[row]) != self._addresses[ship]
         # Whether a ship that lies is dark is a question of words.
         if KINDS[ship] == LIAR and now_s > LIES_S:
             return

@@ -193,13 +193,13 @@ class Tracker:
         self._parameters = parameters.with_findings(found, timed, columns)
         return self
 
-    def track(self, detections: Table, reports: Table | None = None) -> Tracks:
+    def track(self, detections: Table | None, reports: Table | None = None) -> Tracks:
         """Track a whole recording.
 
         Parameters
         ----------
-        detections : table
-            Detections in any order of time.
+        detections : table or None
+            Detections in any order of time; None for a tracker of self-reports alone.
         reports : table or None
             What transmitters report of themselves, in any order of time; see `Tracker`.
 
@@ -213,7 +213,7 @@ class Tracker:
         UserWarning
             If detections are not used or contradict the parameters.
         """
-        columns = columns_of(detections)
+        columns = {} if detections is None else columns_of(detections)
         if text := self._parameters.seem_wrong(columns):
             warnings.warn(text, stacklevel=2)
         columns = self._parameters.in_plane(columns)
@@ -221,7 +221,7 @@ class Tracker:
         run = _Run(config)
         if reports is not None:
             run.tell(columns_of(reports))
-        for radar, report in reports_of(columns, config):
+        for radar, report in reports_of(columns, config) if columns else ():
             run.add(radar, report)
         found = run.finish()
         self._warn(run)
@@ -264,13 +264,18 @@ class Tracker:
                 run.add(index, report_of(empty_ns, {}, run.config, index))
             self._before_run.clear()
         config = self._parameters.config(incomplete=True) if run is None else run.config
+        if not config.inputs:  # Self-reports define no columns
+            run = self._run = run or _Run(config)
         index = _index_of(radar, [each.name for each in config.inputs])
         if run is None:
             self._before_run.append((stamp_ns, index))
             return self._empty()
         if reports is not None:
             run.tell(columns_of(reports))
-        run.add(index, report_of(stamp_ns, columns, config, index))
+        if config.inputs:
+            run.add(index, report_of(stamp_ns, columns, config, index))
+        else:
+            run.tell_until(stamp_ns)
         return run.take()
 
     def flush(self) -> Tracks:
@@ -319,7 +324,7 @@ def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> tuple[Fi
 
 def _index_of(radar: str | None, names: list[str]) -> int:
     """Return the index of a radar by its name, which a single radar does not need."""
-    if radar is None and len(names) == 1:
+    if radar is None and len(names) <= 1:
         return 0
     if radar not in names:
         raise ValueError(f"radar: {radar!r} given, must be one of {', '.join(names)}")
@@ -348,18 +353,24 @@ class _Run:
         """Take in self-reports, each of which waits for the reports of radars at its time."""
         for receiver, told in told_of(columns, self.config):
             none = told.reports.take(np.arange(0))
-            self._feed.self_reports(receiver, partial(Told, none, told.dropped))
+            self._keep(self._feed.self_reports(receiver, partial(Told, none, told.dropped)))
             self._told.append((receiver, told.reports))
+
+    def tell_until(self, stamp_ns: int) -> None:
+        """Process the self-reports up to a stamp."""
+        waiting = []
+        for receiver, told in self._told:
+            due, later = np.flatnonzero(told.time_ns <= stamp_ns), told.time_ns > stamp_ns
+            if len(due):
+                part = partial(Told, told.take(due), Counter())
+                self._keep(self._feed.self_reports(receiver, part))
+            waiting.append((receiver, told.take(np.flatnonzero(later))))
+        self._told = [each for each in waiting if len(each[1])]
 
     def add(self, radar: int, report: Report) -> None:
         """Process a report."""
-        waiting = []
-        for receiver, told in self._told:
-            due, later = np.flatnonzero(told.time_ns <= report.stamp_ns), told.time_ns
-            if len(due):
-                self._feed.self_reports(receiver, partial(Told, told.take(due), Counter()))
-            waiting.append((receiver, told.take(np.flatnonzero(later > report.stamp_ns))))
-        self._told = [each for each in waiting if len(each[1])]
+        if self._told:
+            self.tell_until(report.stamp_ns)
         self._keep(self._feed.report(radar, report) or ())
 
     def take(self) -> Tracks:
@@ -373,6 +384,11 @@ class _Run:
 
     def finish(self) -> Tracks:
         """End the run, and return the estimates since the last call of `take`."""
+        if not self.config.inputs:
+            interval_ns = round(self.config.interval_s * 1e9)
+            times = [each.time_ns // interval_ns for _, each in self._told]
+            for index in np.unique(np.concatenate(times or [np.zeros(0, np.int64)])).tolist():
+                self.tell_until((index + 1) * interval_ns)
         self._keep(self._feed.flush())
         return self.take()
 

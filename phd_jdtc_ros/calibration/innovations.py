@@ -119,7 +119,7 @@ class InnovationMonitor:
         """Use another model of the same structure from the next scan on."""
         self._model = model
         revolutions_s = (radar.rotation_s for radar in model.radars)
-        self._max_age_s = MAX_AGE_SCANS * max(model.modes.interval_s, *revolutions_s)
+        self._max_age_s = MAX_AGE_SCANS * max([model.modes.interval_s, *revolutions_s])
 
     def _learned(self, radar: Sensor) -> BoolArray:
         """Return which components of a radar's position have a learned noise, (2,)."""

@@ -108,7 +108,7 @@ class TrackerConfig(Tracking):
     @property
     def _slowest_s(self) -> float:
         """The nominal interval or the longest configured revolution, seconds."""
-        return max(self.interval_s, *(radar.rotation_s for radar in self.inputs))
+        return max([self.interval_s, *(radar.rotation_s for radar in self.inputs)])
 
     @property
     def max_gap_s(self) -> float:
@@ -141,7 +141,7 @@ class TrackerConfig(Tracking):
             for radar in self.inputs
             if radar.rotation_s
         ]
-        late_s = max(radar.bias.time_offset_s for radar in self.inputs)
+        late_s = max((radar.bias.time_offset_s for radar in self.inputs), default=0.0)
         return max(slices_s, default=0.0) + self.reorder_s + max(late_s, 0.0)
 
     def clocks(self) -> Clocks[SentReport]:

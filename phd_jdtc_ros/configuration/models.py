@@ -142,12 +142,7 @@ def _addresses(parts: Parts) -> Faults:
                 yield f"{name}.{key}: {own!r} given, another sensor has it too"
 
 
-def _sensors(parts: Parts) -> Faults:
-    if parts.receivers and not parts.sensors:
-        yield f"sensors: {[*parts.receivers]} given, one at least must be a radar or positions"
-
-
-_CHECKS = (_names, _sensors, _classes, _tracking, _births, _addresses)
+_CHECKS = (_names, _classes, _tracking, _births, _addresses)
 
 
 def faults(parts: Parts) -> list[str]:

@@ -176,13 +176,20 @@ class Pipeline:
             else:
                 yield from events
 
-    def add_reports(self, receiver: int, reports: SelfReports) -> None:
+    def add_reports(self, receiver: int, reports: SelfReports) -> Iterator[Event]:
         """Add self-reports, which wait for the scan after their times.
 
         `receiver` is the index among the configured receivers. Reports that come after that scan
-        are used with the next one, as what they are: late.
+        are used with the next one, as what they are: late. Without any radar they close the scans:
+        one for each interval that they have passed, whose events are returned.
         """
         self._reports.add(receiver, reports)
+        return self._pass_time(round(self._configured[0].modes.interval_s * 1e9))
+
+    def _pass_time(self, interval_ns: int) -> Iterator[Event]:
+        """Step a tracker of self-reports alone to the time that they have passed."""
+        stamp_ns = None if self._sensors else self._reports.passed_ns(interval_ns)
+        return self._events(() if stamp_ns is None else self._grouper.add_time(stamp_ns))
 
     def take_unused_reports(self) -> Counter[str]:
         """Return the numbers of self-reports that were not used since the last call, by reason."""
@@ -393,6 +400,7 @@ class Pipeline:
         """Close all scans, complete or not, and step the engine through them."""
         yield from self._events(self._group_released(everything=True))
         yield from self._events(self._grouper.close_all())
+        yield from self._pass_time(1)
 
     def flush(self) -> Iterator[Event]:
         """Close all scans, step the engine through them, and end the run."""

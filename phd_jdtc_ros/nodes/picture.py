@@ -45,10 +45,25 @@ from .picture_server import Server, is_loopback
 MOST_PLOTS, MOST_CLOUDS = 5000, 100
 
 
+def page(tracker: str, head: Mapping[str, Any]) -> str:
+    """Return the page for a tracker's name and what `picture_server.head` returns."""
+    assets = files("phd_jdtc_ros.report.page") / "assets"
+    scripts = ("drawing.js", "picture.js", "live.js")
+    part = {name: (assets / name).read_text("utf-8") for name in ("page.css", *scripts)}
+    run = {"picture": head, "amplitude_scales": AMPLITUDE_SCALES}
+    text = json.dumps(run, allow_nan=False).replace("<", "\\u003c")
+    return Template((assets / "live.html").read_text("utf-8")).substitute(
+        title=escape(tracker),
+        style=part["page.css"],
+        picture=words.section(head),
+        run=text,
+        script="".join(part[name] for name in scripts),
+    )
+
+
 class Picture(RunnableNode):
     """Subscribes to a tracker's topics, and serves what has come last."""
 
-    SCRIPTS = ("drawing.js", "picture.js", "live.js")
 
     DEPTH = 10
 
@@ -109,17 +124,7 @@ class Picture(RunnableNode):
             self._latest["head"] = found
 
     def _page(self) -> str:
-        assets = files("phd_jdtc_ros.report.page") / "assets"
-        part = {name: (assets / name).read_text("utf-8") for name in ("page.css", *self.SCRIPTS)}
-        run = {"picture": self._head, "amplitude_scales": AMPLITUDE_SCALES}
-        text = json.dumps(run, allow_nan=False).replace("<", "\\u003c")
-        return Template((assets / "live.html").read_text("utf-8")).substitute(
-            title=escape(self._tracker),
-            style=part["page.css"],
-            picture=words.section(self._head),
-            run=text,
-            script="".join(part[name] for name in self.SCRIPTS),
-        )
+        return page(self._tracker, self._head)
 
     def _first(self) -> Mapping[str, bytes]:
         return self._sent

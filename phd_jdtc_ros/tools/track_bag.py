@@ -102,8 +102,7 @@ class OfflineTracker:
         if entry.topic in self._receiver_of:
             index = self._receiver_of[entry.topic]
             told = partial(self_reports.from_cdr, entry.data, self._config.receivers[index])
-            self._feed.self_reports(index, told)
-            return ()
+            return self._feed.self_reports(index, told)
         poses = partial(self._moving.read, entry.topic, entry.data)
         return self._feed.pose(entry.topic, poses) or ()
 

@@ -67,3 +67,28 @@ def test_reports_need_a_receiver_and_places():
     del reports["y"]
     with pytest.raises(ValueError, match="no columns latitude and longitude, or x and y"):
         Tracker(PARAMETERS).track(detections, reports)
+
+
+def test_reports_alone_are_tracked():
+    _, reports = tables()
+    alone = {name: value for name, value in PARAMETERS.items() if not name.startswith("radar.")}
+    tracker = Tracker(alone | {"sensors": ["ais"]})
+    whole = tracker.track(None, reports).filtered
+    last = whole[whole["time"] == whole["time"].max()]
+    assert last["alone"].all()
+    assert set(last["source"]) == {f"SHIP {a} (MMSI {a})" for a in np.unique(reports["address"])}
+    place = SCENE[-1].truth[KINDS.index(OK)]
+    assert np.hypot(last["x"] - place[0], last["y"] - place[1]).min() < 100.0
+    # A time of the year 2100 in one report moves no clock.
+    wrong = {name: np.append(column, column[-1:]) for name, column in reports.items()}
+    wrong["time"][-1] = 4.1e9
+    again = tracker.track(None, wrong).filtered
+    assert again["time"].max() == whole["time"].max()
+    found = [
+        tracker.update(float(t), reports={n: c[reports["time"] == t] for n, c in reports.items()})
+        for t in np.unique(reports["time"])
+    ]
+    found.append(tracker.flush())
+    steps = np.concatenate([each.filtered for each in found])
+    ended = steps[steps["time"] == whole["time"].max()]
+    assert sorted(ended["source"]) == sorted(last["source"])

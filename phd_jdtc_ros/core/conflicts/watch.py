@@ -164,8 +164,10 @@ def predict(
     for one, other in pairs:
         if {int(number[one]), int(number[other])} <= friends:
             continue
-        times = _times_of_approach(place[one], place[other], model.distance, model.height)
-        share, median = _summary(times, existence[one] * existence[other], model)
+        times = flat = _times_of_approach(place[one], place[other], model.distance, 0.0)
+        if model.height:
+            times = _times_of_approach(place[one], place[other], model.distance, model.height)
+        share, median = _summary(times, flat, existence[one] * existence[other], model)
         if share >= model.least_probability:
             line, relative = mean[other, 0] - mean[one, 0], velocity[other] - velocity[one]
             approach = closest_approach(line, relative, velocity[one])
@@ -176,7 +178,7 @@ def predict(
     for index, zone in enumerate(model.zones):
         for one in range(len(number)):
             times = _times_of_entry(place[one], zone)
-            share, median = _summary(times, existence[one], model)
+            share, median = _summary(times, times, existence[one], model)
             if share >= model.least_probability:
                 names, at = (ZONE, number[one], index), mean[one, round(median)]
                 unknown = (math.nan,) * 4
@@ -191,12 +193,18 @@ def predict(
     return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **of_name)
 
 
-def _summary(times: FloatArray, existence: float, model: ConflictModel) -> tuple[float, float]:
-    """Return the probability of an event, and its median time; `times` are infinite for never."""
+def _summary(
+    times: FloatArray, flat: FloatArray, existence: float, model: ConflictModel
+) -> tuple[float, float]:
+    """Return the probability of an event, and its median time; `times` are infinite for never.
+
+    `flat` are the times whatever the heights are: only motions in the plane need calibration.
+    """
     happens = times[np.isfinite(times)]
     if not len(happens):
         return 0.0, 0.0
-    probability = model.calibrated(len(happens) / len(times))
+    near = np.isfinite(flat).sum()
+    probability = model.calibrated(near / len(times)) * len(happens) / near
     return min(float(existence), 1.0) * probability, float(np.median(happens))
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, ReadOnly
 from ..association.evidence import OutOfGate, Paired, PairEvidence, pair_as_reported
-from ..reports.layer import Layer
 from ..reports.model import Receiver
+from ..reports.tables import Layer
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..snapshot import Snapshot, from_snapshot, to_snapshot

@@ -101,11 +101,7 @@ class ScanGrouper:
 
         A `Reset` stands between the scans of one run and those of the next.
         """
-        events: list[Scan | Reset] = []
-        newest = max(self._pending, default=self.closed_ns)
-        if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
-            events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
-            self.reset()
+        events = self._after_jump_back(stamp_ns)
         heard, known_ns = self._heard[radar], self._interval_ns[radar]
         if heard is None or stamp_ns > heard:
             self._heard[radar] = stamp_ns
@@ -127,6 +123,23 @@ class ScanGrouper:
             self._first_stamp = stamp_ns
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
+
+    def add_time(self, stamp_ns: int) -> list[Scan | Reset]:
+        """Return a scan of no radar at a stamp, if it is later than the scan before."""
+        events = self._after_jump_back(stamp_ns)
+        if self.closed_ns is not None and stamp_ns <= self.closed_ns:
+            return events
+        self._pending[stamp_ns] = {}
+        return events + self._close(stamp_ns)
+
+    def _after_jump_back(self, stamp_ns: int) -> list[Scan | Reset]:
+        """Return what a jump of the stamps back closes; nothing without one."""
+        newest = max(self._pending, default=self.closed_ns)
+        if newest is None or stamp_ns >= newest - self.reset_threshold_s * 1e9:
+            return []
+        events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
+        self.reset()
+        return events
 
     def _is_due(self, radar: int, stamp_ns: int) -> bool:
         """Return whether a radar's next report, or the one after it, has about this stamp."""
@@ -251,6 +264,16 @@ class WaitingReports:
             self.dropped[MANY] += len(reports) - kept
             reports = reports.take(np.arange(kept))
         self._waiting.append(reports.changed(receiver=np.full(len(reports), receiver)))
+
+    def passed_ns(self, interval_ns: int) -> int | None:
+        """Return the last multiple of an interval that two reports have passed; None without two.
+
+        A single report with a wrong time ahead moves no clock.
+        """
+        times = np.concatenate([each.time_ns for each in self._waiting] or [np.zeros(0, np.int64)])
+        if len(times) < 2:
+            return None
+        return int(np.partition(times, -2)[-2]) // interval_ns * interval_ns
 
     def take(self, stamp_ns: int) -> SelfReports | None:
         """Return the reports up to a stamp that are not too old; None without any."""

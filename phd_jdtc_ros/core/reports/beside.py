@@ -12,16 +12,28 @@ from ..types import Estimates
 from ..types.reports import NAME_SIZE, SelfReports
 from . import judgement, silence
 from .batches import Tables, batch_of, chains_of, describe_sources, selected
-from .looks import Look, Rows, moments, take_look
+from .looks import moments, take_look
 from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver
 from .owners import NUMBERED, OWN_LABELS, owner_probabilities, with_public
 from .pairs import Assumed, Used, adopted, take_reports
 from .smoothing import MAX_LINKS, links_of, mixture
-from .tables import LayerState, Learned, Links, Pairs, Sources, Tracks, concatenate, extended, take
+from .tables import (
+    LayerState,
+    Learned,
+    Links,
+    Look,
+    Pairs,
+    Rows,
+    Sources,
+    Tracks,
+    concatenate,
+    extended,
+    take,
+)
 
 # Name of the arrays in a snapshot, and their sizes.
 NAME = "reports"
-SIZES = {"G": 4, "H": 6, "A": 2, "B": 2}
+SIZES = {"G": 4, "H": 6, "A": 2, "B": 2, "F": 5}
 # Sources are kept for this time after their last report, seconds.
 KEPT_S = 600.0
 # A source that is silent for longer was not where a radar looks now, seconds.
@@ -52,7 +64,7 @@ class SelfReporting(LayerState):
             (),
             Learned(
                 np.zeros(count, dtype=np.int64),
-                np.zeros((count, 2)),
+                np.zeros((count, 5)),
                 np.zeros((count, 2)),
                 np.array([each.off_prior for each in receivers]),
                 np.zeros(2, dtype=np.int64),
@@ -119,17 +131,22 @@ class SelfReporting(LayerState):
         )
 
     def _received_with(self, before: Sources, after: Sources) -> FloatArray:
-        """Return the numbers of received and sent reports with those of certain sources."""
+        """Return the counts of received and lost reports with those of certain sources."""
         row, earlier = matches(before.number, after.number)
         certain = (after.owner[row] >= 0) & (after.left_ns[row] == 0)
         row, earlier = row[certain], earlier[certain]
         got = (after.reports[row] - before.reports[earlier]).astype(np.float64)
         row, earlier, got = row[got > 0.0], earlier[got > 0.0], got[got > 0.0]
         span_s = (after.last_ns[row] - before.last_ns[earlier]) * 1e-9
-        sent = np.maximum(np.rint(span_s / self.intervals(take(after, row))), got)
+        interval_s, receiver = self.intervals(take(after, row)), after.receiver[row]
+        lost = np.maximum(np.rint(span_s / interval_s) - got, 0.0)
+        hidden = np.zeros(len(row))
+        for index, losses in enumerate(self.losses):
+            mine = receiver == index
+            hidden[mine] = losses.hiding(lost[mine], interval_s[mine])
+        counts = got, got + (1.0 - hidden) * lost, span_s, hidden * lost * interval_s, hidden
         total: FloatArray = self.learned.received.copy()
-        np.add.at(total[:, 0], after.receiver[row], got)
-        np.add.at(total[:, 1], after.receiver[row], sent)
+        np.add.at(total, receiver, np.stack(counts, axis=1))
         return total
 
     def _heard_at(self, kept: SelfReports) -> SelfReporting:
@@ -387,7 +404,7 @@ class SelfReporting(LayerState):
 
     def figures(self) -> dict[str, float]:
         """Return what was learned of the receivers, by dotted name."""
-        lost = self.lost
+        lost = [each.lost for each in self.losses]
         return {
             f"{receiver.name}.{name}": float(value[index])
             for index, receiver in enumerate(self.receivers)

@@ -55,7 +55,7 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     interval_s = layer.intervals_of(
         np.full(size, index), tracks.mean[:, 2:], tracks.covariance[:, 2:, 2:], gap_s
     )
-    losses = silence.Losses(float(layer.lost[index]), habits.hidden, habits.hidden_s)
+    losses = layer.losses[index]
     quiet, rarely = (
         np.where(
             heard,

@@ -3,42 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Float1, Float2, Float3, Float4, Int1, Writeable, compiled, inner
+from ..compilation import Writeable, compiled, inner
 from .filters import State, observe
 from .pair_filter import MOST_WEIGHT, advance
-from .tables import Pairs
+from .tables import Look, Pairs, Rows
 
 # Association probability below which a plot is not of a track.
 LEAST_PROBABILITY = 1e-6
 LEAST_EVIDENCE = 1e-12
-
-
-class Rows(NamedTuple):
-    """The hypotheses of T targets, by label; the axes are those of `state_space.SPATIAL`."""
-
-    label: Int1  # The distinct labels, ascending, (T,)
-    target: Int1  # Index of each hypothesis's target, (H,)
-    weight: Float3  # (H, R, C)
-    mean: Float3  # (H, R, D)
-    covariance: Float4  # (H, R, D, D)
-
-
-class Look(NamedTuple):
-    """What the update with a report says of its plots."""
-
-    stamp_ns: int
-    position: Float2  # Of the plots in the world, at their own times, metres, (M, 2)
-    noise: Float3  # Their covariances, (M, 2, 2)
-    time_s: Float1  # Their times relative to the stamp, (M,)
-    target: Int1  # Index of each pair's target in `Rows.label`, (E,)
-    column: Int1  # Its plot, (E,)
-    probability: Float1  # That the plot is the target's, if it exists, (E,)
-    missed: Float1  # That the target has none of them, (T,)
 
 
 @inner

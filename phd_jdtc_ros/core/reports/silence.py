@@ -51,6 +51,17 @@ class Losses(NamedTuple):
         found: FloatArray = share * high**count + (1.0 - share) * low**count
         return found.clip(0.0, 1.0)
 
+    def hiding(self, count: FloatArray, interval_s: FloatArray) -> FloatArray:
+        """Return the probability that the transmitter was hidden when so many were lost, (N,).
+
+        They are all the reports between two that were received.
+        """
+        begins = interval_s * self.hidden / (1.0 - self.hidden) / self.hidden_s
+        stays = np.exp(-(count - 1.0) * interval_s / self.hidden_s)
+        hidden = np.minimum(begins, 1.0) * stays
+        found: FloatArray = np.where(count > 0.0, hidden / (hidden + self.lost**count), 0.0)
+        return found
+
 
 def unheard(time_s: FloatArray, interval_s: FloatArray, losses: Losses) -> FloatArray:
     """Return the probability that a transmitter of unknown phase is silent for a time, (N,)."""

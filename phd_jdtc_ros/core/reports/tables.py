@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
+from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly, frozen
-from ..snapshot import MAX_INDEX, MAX_STAMP_NS, MAX_STATE, covariances, floats, integers
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, frozen
+from ..compilation import Float1, Float2, Float3, Float4, Int1
+from ..snapshot import MAX_INDEX, MAX_STAMP_NS, MAX_STATE, Snapshot, covariances, floats, integers
+from ..types import Estimates, SelfReports
 from ..types.reports import NAME_SIZE
 from .model import Receiver
+from .silence import Losses
 
 TableT = TypeVar("TableT", bound=tuple[Any, ...])
 # Largest bound of log likelihood ratios in snapshots.
 MOST_LOG = 1e6
 # Weight of a configured probability against the learned one, as a number of reports.
 PRIOR_REPORTS = 50.0
+# The same for the usual share of hidden transmitters, seconds, and for how long they are hidden.
+PRIOR_S, PRIOR_STRETCHES = 5000.0, 2.0
 
 
 class Sources(NamedTuple):
@@ -104,13 +109,37 @@ class Tracks(NamedTuple):
         return frozen(_empty(Tracks, {"G": 4, "C": classes}))
 
 
+class Rows(NamedTuple):
+    """The hypotheses of T targets, by label; the axes are those of `state_space.SPATIAL`."""
+
+    label: Int1  # The distinct labels, ascending, (T,)
+    target: Int1  # Index of each hypothesis's target, (H,)
+    weight: Float3  # (H, R, C)
+    mean: Float3  # (H, R, D)
+    covariance: Float4  # (H, R, D, D)
+
+
+class Look(NamedTuple):
+    """What the update with a report says of its plots."""
+
+    stamp_ns: int
+    position: Float2  # Of the plots in the world, at their own times, metres, (M, 2)
+    noise: Float3  # Their covariances, (M, 2, 2)
+    time_s: Float1  # Their times relative to the stamp, (M,)
+    target: Int1  # Index of each pair's target in `Rows.label`, (E,)
+    column: Int1  # Its plot, (E,)
+    probability: Float1  # That the plot is the target's, if it exists, (E,)
+    missed: Float1  # That the target has none of them, (T,)
+
+
 class Learned(NamedTuple):
     """What was learned of K receivers."""
 
     # Time of the last report that each got: it is silent itself since then.
     alive_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)]
-    # Numbers of received reports and of those that were sent, of sources with owners, (K, 2).
-    received: Annotated[FloatArray, floats("KB", 0.0, 1e15)]
+    # Of sources with owners: numbers of received reports, and of those that were sent while they
+    # were in sight; how long they were observed and hidden, seconds, and how often hidden, (K, 5).
+    received: Annotated[FloatArray, floats("KF", 0.0, 1e15)]
     # Probable numbers of ended targets that did not transmit and of those that are obliged, (K, 2).
     ended: Annotated[FloatArray, floats("KB", 0.0, 1e15)]
     # Probability that an obliged target does not transmit.
@@ -182,13 +211,16 @@ class LayerState(ReadOnly):
     learned: Learned
 
     @property
-    def lost(self) -> FloatArray:
-        """Probability that each receiver loses a report, (K,)."""
-        prior = np.array([each.lost for each in self.receivers])
-        learns = np.array([each.learns_lost for each in self.receivers])
-        got, sent = self.learned.received.T
-        learned = 1.0 - (PRIOR_REPORTS * (1.0 - prior) + got) / (PRIOR_REPORTS + sent)
-        found: FloatArray = np.where(learns, np.clip(learned, 0.01, 0.9), prior)
+    def losses(self) -> list[Losses]:
+        """How each receiver loses reports."""
+        found = []
+        for own, counts in zip(self.receivers, self.learned.received.tolist(), strict=True):
+            got, sent, observed_s, hidden_s, stretches = counts if own.learns_lost else (0.0,) * 5
+            habits = own.habits
+            lost = 1.0 - (PRIOR_REPORTS * (1.0 - own.lost) + got) / (PRIOR_REPORTS + sent)
+            share = (PRIOR_S * habits.hidden + hidden_s) / (PRIOR_S + observed_s)
+            long_s = (PRIOR_STRETCHES * habits.hidden_s + hidden_s) / (PRIOR_STRETCHES + stretches)
+            found.append(Losses(min(max(lost, 0.001), 0.9), min(share, 0.5), long_s))
         return found
 
     def intervals(self, sources: Sources) -> FloatArray:
@@ -224,3 +256,41 @@ class LayerState(ReadOnly):
         total = np.zeros(len(self.sources.number))
         np.add.at(total, self.sources.number.searchsorted(self.pairs.source), self.pairs.owned)
         return np.minimum(total, 1.0)
+
+
+class Layer(Protocol):
+    """The layer for those that hold it without compiling it; see `beside.SelfReporting`."""
+
+    @property
+    def labels(self) -> IntArray:
+        """The labels whose numbers are in use beside those of the engine's targets."""
+
+    def with_reports(self, reports: SelfReports, stamp_ns: int) -> Layer:
+        """Return the layer after reports up to a stamp, in any order."""
+
+    def places(self, stamp_ns: int) -> FloatArray:
+        """Return where the reports of each source expect it at a stamp, metres, (S, 2)."""
+
+    def after(self, rows: Rows, look: Look, seen: BoolArray) -> Layer:
+        """Return the layer after a radar's look."""
+
+    def noted(self, rows: Rows, living: IntArray, stamp_ns: int) -> Layer:
+        """Return the layer after a scan."""
+
+    def describe(self, estimates: Estimates, smoothed: bool) -> Estimates:
+        """Return estimates with what reports say of them."""
+
+    def of_labels(self, oldest_ns: int) -> Layer:
+        """Return the layer without links that end before a stamp."""
+
+    def figures(self) -> dict[str, float]:
+        """Return what was learned of the receivers, by dotted name."""
+
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store the layer."""
+
+    def restored(self, snapshot: Snapshot) -> Layer:
+        """Return the stored layer; this one if the snapshot has none."""
+
+    def changed(self, **values: Any) -> Layer:
+        """Return the layer with some fields changed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, NamedTuple
@@ -123,7 +124,7 @@ class ForwardFilter:
         if dt <= 0.0:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
         # Births would count the time from a look of nobody.
-        if not any(report is not None for report in scan.detections):
+        if scan.detections and not any(report is not None for report in scan.detections):
             raise ValueError(f"scan.detections: no sensor reported at {scan.stamp_ns} ns")
         swept, others = partition_swept(self.unswept, scan, self.model)
         aged = [
@@ -261,7 +262,7 @@ class ForwardFilter:
         model = self.model
         if not model.detection_births.enabled:
             return self.bounds
-        least = min(map(model.least_newborn_mass, self._looking))
+        least = min(map(model.least_newborn_mass, self._looking), default=math.inf)
         if least >= model.detection_births.least_mass:
             return self.bounds
         return replace(self.bounds, least_existence=min(self.bounds.least_existence, least))

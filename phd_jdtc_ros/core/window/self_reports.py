@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +10,9 @@ from ..arrays import BoolArray, FloatArray, IntArray, frozen, sum_by
 from ..gaussian.mixture import Mixture
 from ..gaussian.update import Posterior, PriorMixture
 from ..models.tracker_model import TrackerModel
-from ..reports.layer import Layer
+from ..reports.tables import Layer, Look, Rows
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
-
-if TYPE_CHECKING:
-    from ..reports.looks import Rows
 
 # Detection probability from which a target at a place should have been seen within some looks.
 LEAST_DETECTION = 0.3
@@ -36,8 +32,6 @@ def layer_of(model: TrackerModel) -> Layer | None:
 
 def after_look(layer: Layer, view: View, prior: PriorMixture, posterior: Posterior) -> Layer:
     """Return the layer after the update with one report of a radar."""
-    from ..reports.looks import Look
-
     plots = view.sensor.in_plane(view.detections)
     claims, size, count = posterior.claims, len(view.detections), len(prior.label)
     target = prior.target.take(claims.row)
@@ -69,8 +63,6 @@ def after_scan(layer: Layer, stored: Mixture, living: Iterable[IntArray], stamp_
 
 
 def _rows(mixture: Mixture) -> Rows:
-    from ..reports.looks import Rows
-
     known = mixture.hypotheses
     return Rows(known.label, known.target, known.weight, known.mean, known.covariance)
 

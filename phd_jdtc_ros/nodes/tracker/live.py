@@ -228,7 +228,9 @@ class LiveTracker:
         health = self.inputs.receivers[index]
         health.note_message(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         with self._step_clock:
-            self._feed.self_reports(index, lambda: self_reports.from_msg(message, own))
+            self._handle(
+                self._feed.self_reports(index, lambda: self_reports.from_msg(message, own))
+            )
         self._load.add(begin_s, time.monotonic())
 
     def _on_pose(self, topic: str, data: bytes, info: Mapping[str, int]) -> None:

@@ -1,0 +1,118 @@
+"""How much ADS-B improves the tracks of a biased radar: of aircraft that have it, and of others.
+
+The scenario `approach_adsb` is simulated and tracked twice, with its receiver and without it. An
+estimate belongs to the nearest target, by assignment within `CUTOFF`, at the times of the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
+from phd_jdtc_ros.tools import simulate
+from phd_jdtc_ros.tools.track_bag import track_bag
+
+from . import runner
+from .runner import Figures, Goal, Study, StudyError
+
+SCENARIO = Path("config/scenarios/approach_adsb.yaml")
+CUTOFF, SETTLING_S = 1000.0, 60.0  # Metres; estimates are scored from this time on
+RUNS = RADAR, JOINT = "radar", "joint"
+EQUIPPED, OTHERS = GROUPS = "equipped", "others"
+# Goals: errors relative to those of the radar alone.
+MOST = {EQUIPPED: 0.2, OTHERS: 1.02}
+
+
+def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    path = resources.find(SCENARIO)
+    document = yaml_files.load(path)
+    (reception,) = document["self_reports"].values()
+    equipped = {sender["target"] for sender in reception["transmitters"]}
+    figures: Figures = {}
+    with tempfile.TemporaryDirectory() as directory:
+        bag = Path(directory) / "bag"
+        words = ["--scenario", str(path), "--seed", str(seed), "--out", str(bag)]
+        if simulate.main(words):
+            raise StudyError(f"{SCENARIO}: not simulated")
+        values = bag_parameters.read(bag) or {}
+        for name in RUNS:
+            sensors = values["sensors"][: len(values["sensors"]) if name == JOINT else 1]
+            kept = {
+                each: value
+                for each, value in values.items()
+                if name == JOINT or not each.startswith("adsb.")
+            }
+            config = from_arguments.config_of({**kept, "sensors": sensors})
+            tracked = track_bag(BagReader(bag), config, Path(directory) / name, f"seed {seed}")
+            record = tracked.record()
+            begin_ns = record.truth[0].stamp_ns
+            filtered = {each.stamp_ns: each for each in record.filtered}
+            numbers: dict[int, int] = {}
+            squares: dict[str, list[float]] = {group: [] for group in GROUPS}
+            switches = 0
+            for truth in record.truth:
+                # Estimates have the stamp of a sector at the end of a revolution.
+                nearest = min(filtered, key=lambda stamp: abs(stamp - truth.stamp_ns))
+                found, late_s = filtered[nearest], (truth.stamp_ns - nearest) * 1e-9
+                found = found.select((found.track_state > 0) & (np.isfinite(found.position[:, 0])))
+                place = found.position + late_s * found.velocity
+                for target, row in zip(*assign(truth.position, place, CUTOFF), strict=True):
+                    label, number = int(truth.track_id[target]), int(found.track_id[row])
+                    switches += numbers.setdefault(label, number) != number
+                    numbers[label] = number
+                    if (truth.stamp_ns - begin_ns) * 1e-9 < SETTLING_S:
+                        continue
+                    error = place[row] - truth.position[target]
+                    squares[EQUIPPED if label in equipped else OTHERS].append(float(error @ error))
+            figures[name] = {
+                **{group: float(np.sqrt(np.mean(each))) for group, each in squares.items()},
+                **{f"count_{group}": len(each) for group, each in squares.items()},
+                "switches": switches,
+            }
+    figures["ratio"] = {group: figures[JOINT][group] / figures[RADAR][group] for group in GROUPS}
+    return figures
+
+
+def _tables(figures: Figures) -> Sequence[Table | str]:
+    half = figures.get("half_width", {})
+    rows = []
+    for group in GROUPS:
+        width = half.get("ratio", {}).get(group)
+        rows.append(
+            (
+                group,
+                *(f"{figures[name][group]:.1f} m" for name in RUNS),
+                f"{figures['ratio'][group]:.3f}" + (f" ± {width:.3f}" if width else ""),
+            )
+        )
+    rows.append(("switches of numbers", *(f"{figures[name]['switches']:.1f}" for name in RUNS), ""))
+    headings = ("aircraft", "radar alone", "with ADS-B", "ratio")
+    return [runner.table("RMS error, and switches in a run", headings, rows)]
+
+
+def _goals(figures: Figures) -> list[Goal]:
+    goals = [
+        runner.goal(f"RMS error of {group} aircraft / radar alone", figures["ratio"][group], most)
+        for group, most in MOST.items()
+    ]
+    return [*goals, runner.goal("switches of numbers", figures[JOINT]["switches"], 0.0)]
+
+
+STUDY = Study(
+    name="aircraft_reports",
+    purpose="How much ADS-B improves the tracks of a radar.",
+    measure=_measure,
+    tables=_tables,
+    goals=_goals,
+    seed=700,
+    runs=12,
+)
