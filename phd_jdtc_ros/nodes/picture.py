@@ -64,7 +64,6 @@ def page(tracker: str, head: Mapping[str, Any]) -> str:
 class Picture(RunnableNode):
     """Subscribes to a tracker's topics, and serves what has come last."""
 
-
     DEPTH = 10
 
     def __init__(self, given: argparse.Namespace) -> None:
