@@ -38,8 +38,8 @@ STUDIES = {
     "tuning_truth": "calibration.tuning_truth.STUDY",
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",
-    "self_reports": "self_reports.STUDY",
-    "aircraft_reports": "aircraft_reports.STUDY",
+    "self_reports": "reports.harbours.STUDY",
+    "aircraft_reports": "reports.aircraft.STUDY",
     "space": "space.STUDY",
     "positions": "positions.STUDY",
 }

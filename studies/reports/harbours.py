@@ -33,8 +33,8 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from . import runner
-from .runner import Figures, Study
+from .. import runner
+from ..runner import Figures, Study
 
 START_NS = 1_700_000_000 * 10**9
 TURN_S = 2.4

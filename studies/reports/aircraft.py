@@ -21,8 +21,8 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_fi
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.track_bag import track_bag
 
-from . import runner
-from .runner import Figures, Goal, Study, StudyError
+from .. import runner
+from ..runner import Figures, Goal, Study, StudyError
 
 SCENARIO = Path("config/scenarios/approach_adsb.yaml")
 CUTOFF, SETTLING_S = 1000.0, 60.0  # Metres; estimates are scored from this time on

@@ -1,0 +1,1 @@
+"""Studies of targets that report themselves."""
