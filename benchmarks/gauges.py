@@ -45,8 +45,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_597,
-    "files of the product": 439,
+    "lines of the product": 78_644,
+    "files of the product": 438,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 12.6,
     f"functions with {MANY} parameters or more": 1,
