@@ -78,7 +78,7 @@ class NoiseEvidence(NamedTuple):
     # no error but the sensor's noise.
     weight: FloatArray
     # Sum of weight times the relative difference of the variance from the sensor's present one; see
-    # `gaussian.measurement.evidence`.
+    # `gaussian.measurement.noise`.
     excess: FloatArray
     # Mean ratio of variances that the innovations would show at the present variance; larger than 1
     # if outliers are among them.

@@ -1,4 +1,8 @@
-"""Extra hypotheses for targets whose identities are detected outside all their gates."""
+"""Extra hypotheses for targets whose identities are detected outside all their gates.
+
+A detection with a target's unique identity outside its gates is of a target that has manoeuvred, or
+a reflection: see `factors.transponder.reflections`.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,16 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..association.evidence import OutOfGate
-from ..models.manoeuvre import PROBABILITY, manoeuvre
 from ..models.tracker_model import TrackerModel
-from ..state_space import StateSpace
 from .mixture import Mixture
 from .reduction import Branched
+
+# Probability that a target without a detection in its gate has deviated from its motion models.
+PROBABILITY = 1e-3
+# Standard deviation of its acceleration since its last detection, along each axis, m/s^2: one g.
+# A slow target turns no faster than it can, rad/s, and gains speed, m/s^2: one that is parked does
+# not leave its place by an error of the radar.
+ACCELERATION, TURN_RATE, SPEEDING = 10.0, 0.1, 1.0
 
 
 def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -> Branched:
@@ -48,13 +57,20 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
 def _manoeuvre_covariance(
     since_s: FloatArray, speed: FloatArray, size: int, model: TrackerModel
 ) -> FloatArray:
-    """Return the covariance of each manoeuvre in the state space, shape (L, D, D)."""
-    space: StateSpace = model.modes.space
-    moments = manoeuvre(since_s, speed, model)
+    """Return the covariances of deviations from the motion models, shape (L, D, D).
+
+    They are those of targets of some speeds, m/s, some seconds after their last detections, both
+    (L,). The acceleration along each axis is white noise: of the variance s^2 that the velocity
+    gets in t, the position gets s^2 t^2 / 3. The standard deviation of the velocity is at most that
+    of a new target.
+    """
+    births, space = model.detection_births, model.modes.space
+    acceleration = np.minimum(TURN_RATE * speed + SPEEDING, ACCELERATION)
+    variance = np.minimum(acceleration * since_s, births.velocity_std) ** 2
     spread = np.zeros((len(since_s), size, size))
     for position, velocity in zip(space.position, space.velocity, strict=True):
-        spread[:, position, position] = moments.position
-        spread[:, velocity, velocity] = moments.velocity
-        spread[:, position, velocity] = spread[:, velocity, position] = moments.position_velocity
-    spread[:, space.turn_rate, space.turn_rate] = moments.turn_rate
+        spread[:, position, position] = variance * since_s**2 / 3.0
+        spread[:, velocity, velocity] = variance
+        spread[:, position, velocity] = spread[:, velocity, position] = 0.5 * variance * since_s
+    spread[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
     return spread

@@ -316,7 +316,8 @@ class GaussianEngine:
             if (pressure := self.forward.factors.pressure) is not None:
                 estimates = estimates.with_pressure(pressure.mean, pressure.std)
             estimates = estimates.with_heights(prior.largest_std)
-        return self._tracks.assign(estimates, Reach.of(self.forward.model))
+        known = estimates.attributes is not None
+        return self._tracks.assign(estimates, Reach.of(self.forward.model) if known else None)
 
     def _smooth_pending(self) -> tuple[Estimates, ...]:
         """Smooth all pending stamps with the scans of the window."""

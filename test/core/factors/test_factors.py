@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.factors.noise import (
 )
 from phd_jdtc_ros.core.factors.prior import RatioPrior
 from phd_jdtc_ros.core.factors.trials import ReportTrials, TrialSums
-from phd_jdtc_ros.core.gaussian.measurement.evidence import LEAST_NOISE_SHARE, LIMIT, evidence_of
+from phd_jdtc_ros.core.gaussian.measurement.noise import LEAST_NOISE_SHARE, LIMIT, evidence_of
 
 PRIOR = RatioPrior(0.7, 0.05, 0.8)
 MAX_RANGE = 8000.0

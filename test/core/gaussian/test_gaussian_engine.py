@@ -18,10 +18,15 @@ from phd_jdtc_ros.core.gaussian.extraction import extract, most_probable_motion
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.new_targets import births, spawn
 from phd_jdtc_ros.core.gaussian.prediction import AgedMixture, survivors
-from phd_jdtc_ros.core.gaussian.reacquisition import with_reacquired
+from phd_jdtc_ros.core.gaussian.reacquisition import (
+    ACCELERATION,
+    PROBABILITY,
+    SPEEDING,
+    TURN_RATE,
+    with_reacquired,
+)
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
-from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, PROBABILITY, SPEEDING, TURN_RATE
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.parameter_files import sections
