@@ -442,9 +442,5 @@ class SelfReporting(LayerState):
             for index in range(len(snapshot.names_below(f"{NAME}.links")))
         )
         return self.changed(
-            sources=sources,
-            pairs=pairs,
-            tracks=tracks,
-            links=links,
-            learned=learned,
+            sources=sources, pairs=pairs, tracks=tracks, links=links, learned=learned
         )
