@@ -45,8 +45,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_644,
-    "files of the product": 438,
+    "lines of the product": 78_581,
+    "files of the product": 433,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 12.6,
     f"functions with {MANY} parameters or more": 1,
@@ -55,7 +55,7 @@ LIMITS: Mapping[str, float] = {
     "public members of Sensor": 29,
     "circles of imports": 0,
     "files that a scan enters": 72,
-    "Python calls in a scan": 1_038,
+    "Python calls in a scan": 1_036,
     "returns in a scan": 900,
 }
 

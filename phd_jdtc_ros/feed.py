@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.columns import anomalies

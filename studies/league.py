@@ -33,8 +33,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from msg_adapters.encoding import interfaces, names, point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.targets import truth as truths

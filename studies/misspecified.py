@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, sections, yaml_files
-from phd_jdtc_ros.simulation import noise, scenario_file
+from phd_jdtc_ros.simulation import antenna, scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study import tracker
 from phd_jdtc_ros.study.definition import CUTOFF, ORDER
@@ -134,7 +134,7 @@ def heavy_tailed_run(seed: int) -> SimulatedRun:
         if exact is None:
             return None
         measured = exact.measurement + std * heavy_tailed(rng, len(exact))
-        return replace(exact, measurement=noise.polar(measured))
+        return replace(exact, measurement=antenna.polar(measured))
 
     scans = (replace(scan, detections=tuple(map(moved, scan.detections))) for scan in run.scans)
     return replace(run, scans=tuple(scans))

@@ -14,8 +14,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from . import cdr
-from .errors import RejectedMessageError
+from . import RejectedMessageError, cdr
 
 # Serialises messages reproducibly; `decode` is the inverse.
 encode = cdr.encode

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from . import cdr, stamps
-from .errors import RejectedMessageError, quote
+from . import RejectedMessageError, cdr, quote, stamps
 
 # Larger clouds are rejected before their data is read.
 MAX_POINTS = 100_000

@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-from .errors import RejectedMessageError
+from . import RejectedMessageError
 
 NS_PER_S = 1_000_000_000
 

@@ -19,8 +19,7 @@ from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
-from ..encoding import point_cloud, stamps
-from ..encoding.errors import RejectedMessageError, quote
+from ..encoding import RejectedMessageError, point_cloud, quote, stamps
 
 # Numeric types of fields other than coordinates: some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")

@@ -27,8 +27,7 @@ from phd_jdtc_ros.core.intake.transforms import (
 )
 from phd_jdtc_ros.core.types import LEVEL, Pose
 
-from ..encoding import interfaces, names, stamps
-from ..encoding.errors import RejectedMessageError, quote
+from ..encoding import RejectedMessageError, interfaces, names, quote, stamps
 
 # Types of pose messages by their configured name.
 POSE_TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}

@@ -20,8 +20,7 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
-from ..encoding import cdr, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, cdr, stamps
 from ..encoding.point_cloud import MAX_POINTS
 from .detections import require_frame
 

@@ -14,8 +14,7 @@ from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.types import Detections
 
-from ..encoding import interfaces, names, point_cloud
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, interfaces, names, point_cloud
 from . import detections, positions, radar_scan, vision
 
 

@@ -12,8 +12,7 @@ from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from ..encoding import point_cloud, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, point_cloud, stamps
 from .detections import DOUBLES, NUMBERS, SYNONYMS
 
 # Usual names of fields in lower case, the most common first, by the parameter that names the field.

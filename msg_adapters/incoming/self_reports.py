@@ -11,8 +11,7 @@ from phd_jdtc_ros.columns.report_selection import PLACES, Told, select
 from phd_jdtc_ros.configuration.parameters.reports import ReportsParameters
 from phd_jdtc_ros.core.types.reports import NAME_SIZE
 
-from ..encoding import interfaces, names, point_cloud, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, interfaces, names, point_cloud, stamps
 
 # The fields that a cloud may have, with the types of each.
 NUMBERS = ("f4", "f8", "u1", "i1", "u2", "i2", "u4", "i4")

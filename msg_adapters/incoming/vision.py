@@ -16,8 +16,7 @@ from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.core.types import Detections
 
-from ..encoding import interfaces, names, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, interfaces, names, stamps
 from ..encoding.point_cloud import MAX_POINTS
 from .detections import require_frame
 

@@ -12,8 +12,7 @@ from phd_jdtc_ros.configuration import schema
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.tracks.manual import DROP, MARK, NAME, RESTORE, START, VERBS, Command
 
-from ..encoding import stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, stamps
 from . import diagnostics
 
 # The values of each verb, by name, and those of a start that may be left out.

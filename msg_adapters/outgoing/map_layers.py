@@ -17,8 +17,7 @@ from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 
-from ..encoding import cdr, point_cloud, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, cdr, point_cloud, stamps
 
 
 def detections_to_cdr(scan: Scan, radars: Sequence[Sensor], frame: str) -> bytes:

@@ -17,8 +17,7 @@ from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, SPATIAL, VX, VY, X, Y
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, SENSORS, UNKNOWN, Attributes, Estimates
 from phd_jdtc_ros.core.types.reports import NAME_SIZE
 
-from ..encoding import point_cloud, stamps
-from ..encoding.errors import RejectedMessageError
+from ..encoding import RejectedMessageError, point_cloud, stamps
 from . import reported, vertical
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from functools import lru_cache
 from itertools import islice
 
-from phd_jdtc_ros.transport import pcap, recordings
+from phd_jdtc_ros.transport import pcap
 from phd_jdtc_ros.transport.network import Datagram, Entry, RecordingError, follow
-from phd_jdtc_ros.transport.recordings import NS_PER_DAY
+from phd_jdtc_ros.transport.pcap import NS_PER_DAY
 
 from . import records, specification
 
@@ -206,7 +206,7 @@ def datagrams(
     """
     kind = kind_of(data)
     if kind == CAPTURE:
-        yield from recordings.on_day(pcap.packets(data, counts), midnight_ns)
+        yield from pcap.on_day(pcap.packets(data, counts), midnight_ns)
     elif kind == FINAL:
         yield from _final(data, midnight_ns or 0, counts)
     else:

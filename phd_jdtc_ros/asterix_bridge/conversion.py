@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import names, point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, names, point_cloud
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix import writing as tracks_out
 from phd_jdtc_ros.asterix.messages import ADS_B, NONE, CallSigns, Plot, call_sign_of

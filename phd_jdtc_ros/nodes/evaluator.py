@@ -19,8 +19,7 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters.encoding import interfaces, names
-from msg_adapters.encoding.errors import RejectedMessageError, quote
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, quote
 from msg_adapters.incoming.moving_radars import MESSAGE_TYPES
 from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.targets import estimates, truth

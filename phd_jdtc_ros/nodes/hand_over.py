@@ -12,7 +12,7 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding.errors import RejectedMessageError, quote
+from msg_adapters.encoding import RejectedMessageError, quote
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.intake.clocks import CLOCK, Clocks

@@ -21,8 +21,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import names, point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, names, point_cloud
 from msg_adapters.outgoing import conflicts
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration import zones

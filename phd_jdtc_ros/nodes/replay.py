@@ -20,8 +20,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters.encoding import interfaces, names, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, stamps
 from msg_adapters.outgoing import manual
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader

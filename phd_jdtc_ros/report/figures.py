@@ -25,8 +25,18 @@ from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 from . import maps, style
 from .record import Record, class_of
-from .style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes, row_header, rows_over_time
-from .units import Clock, metres_text
+from .style import (
+    DPI,
+    GREY,
+    INK,
+    WIDTH_IN,
+    Clock,
+    class_colour,
+    metres_text,
+    plain_axes,
+    row_header,
+    rows_over_time,
+)
 
 
 class Panel(NamedTuple):

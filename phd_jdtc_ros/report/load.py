@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.encoding import interfaces, names
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of

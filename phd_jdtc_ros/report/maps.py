@@ -25,13 +25,14 @@ from .style import (
     INK,
     RADIUS_95,
     WIDTH_IN,
+    Clock,
+    MapScale,
     class_colour,
     class_line,
     class_marker,
     plain_axes,
     purples,
 )
-from .units import Clock, MapScale
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10

@@ -29,6 +29,7 @@ from phd_jdtc_ros.core.targets.amplitude_density import (
 )
 from phd_jdtc_ros.core.types import FULL_TURN
 
+from .antenna import Observation, with_noise
 from .checked import (
     by_radar,
     converted_parameter,
@@ -39,7 +40,6 @@ from .checked import (
     read_by_radar,
     take,
 )
-from .noise import Observation, with_noise
 
 LAW = Parameter(
     "law",

@@ -12,8 +12,8 @@ from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
+from .antenna import Observation, polar, with_noise
 from .clutter import NOISE, ClutterLaw, Echoes, Reflectors
-from .noise import Observation, polar, with_noise
 from .scenario import Scenario, truth_at
 
 

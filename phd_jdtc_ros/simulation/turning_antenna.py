@@ -27,9 +27,8 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.site import HeightProjection, to_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections, Truth
 
-from .antenna import Antenna
+from .antenna import Antenna, Observation
 from .looks import TurningRadar
-from .noise import Observation
 from .scenario import Scenario, truth_at
 from .simulate import (
     detect_scan,

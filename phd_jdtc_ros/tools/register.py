@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError
 from msg_adapters.incoming import self_reports
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags import BagError

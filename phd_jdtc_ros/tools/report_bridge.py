@@ -27,7 +27,7 @@ from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
 from phd_jdtc_ros.transponders.stream import ReportStream
 from phd_jdtc_ros.transponders.transmitters import Dated
-from phd_jdtc_ros.transport import pcap, recordings
+from phd_jdtc_ros.transport import pcap
 from phd_jdtc_ros.transport.network import Datagram, RecordingError
 
 from . import command, recorded_clouds
@@ -102,7 +102,7 @@ def _work(arguments: argparse.Namespace) -> int:
     stream = settings.stream(settings.resolve(given), arguments.start)
     done = Conversion(stream, Ports(frozenset(arguments.port)))
     try:
-        with recordings.open_recording(path, done.recording) as data:
+        with pcap.open_recording(path, done.recording) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             sink = _table if arguments.out is None else _bag

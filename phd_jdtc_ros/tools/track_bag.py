@@ -19,8 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters.encoding import interfaces, names
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming import self_reports
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import reader_of

@@ -14,8 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters.encoding import names, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, names, stamps
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.core.arrays import FloatArray

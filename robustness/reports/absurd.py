@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters.encoding import interfaces, names, point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud
 from msg_adapters.incoming import moving_radars
 from msg_adapters.incoming.readers import reader_of
 from msg_adapters.outgoing import diagnostics

@@ -6,8 +6,7 @@ import pytest
 from asterix_reference import decoded, value
 from scipy.integrate import trapezoid
 
-from msg_adapters.encoding import point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, point_cloud
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix.messages import NONE, CallSigns
 from phd_jdtc_ros.asterix.writing import Source

@@ -4,7 +4,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose

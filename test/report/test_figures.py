@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report import figures, maps, style
 from phd_jdtc_ros.report.figures import write_all
 from phd_jdtc_ros.report.record import RadarPlots
-from phd_jdtc_ros.report.units import Clock
+from phd_jdtc_ros.report.style import Clock
 
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED

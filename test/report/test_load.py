@@ -23,7 +23,7 @@ from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.layers import Columns, pack
 from phd_jdtc_ros.report.record import Sets, learned_values, sensor_changes
-from phd_jdtc_ros.report.units import MapScale, metres_text, places_of
+from phd_jdtc_ros.report.style import MapScale, metres_text, places_of
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag

@@ -19,10 +19,10 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Trut
 from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.report.style import Clock, metres_text, round_step
 
 from ..record import RadarSite, Record, Sets, class_of
 from ..style import class_colour
-from ..units import Clock, metres_text, round_step
 
 # A grey with contrast on light and on dark pages.
 NEUTRAL = "#858585"

@@ -21,9 +21,9 @@ from plotly.offline import get_plotlyjs
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.report.style import Clock
 
 from ..record import Record
-from ..units import Clock
 from . import charts, words
 from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES, pack

@@ -21,10 +21,10 @@ from matplotlib.colors import to_hex
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
+from phd_jdtc_ros.report.style import MapScale, round_step
 
 from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples
-from ..units import MapScale, round_step
 
 # Steps of the colour scale of amplitudes, which is logarithmic.
 SHADES = 8

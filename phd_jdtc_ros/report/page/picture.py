@@ -22,10 +22,10 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Reported
 from phd_jdtc_ros.core.types.reports import LEFT
 from phd_jdtc_ros.evaluation.comparison import PointSet, TrueTracks
+from phd_jdtc_ros.report.style import places_of
 
 from ..record import RadarPlots, Record, concatenate_rows
 from ..style import RADIUS_95
-from ..units import places_of
 from .layers import Columns, clutter_levels, earth_grid, graticule, rings, shades_of
 
 # Largest number of frames of a page, which shows every second or third set of a longer run.

@@ -9,10 +9,10 @@ from typing import Any
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 from phd_jdtc_ros.evaluation.accumulator import CLASSES, GOSPA, NEES, OSPA, OUTSIDE, Metric
 from phd_jdtc_ros.evaluation.run_scores import BY_KEY, GLOBAL_METRICS, GROUPS, SET_METRICS, TERMS
+from phd_jdtc_ros.report.style import Clock, metres_text
 
 from ..record import LearnedValue, Record, Sets
 from ..table import confusion_rows, engine_rows, nees_bands, unscored_note
-from ..units import Clock, metres_text
 
 CONTROLS = """<div class="controls">
 <button id="back" aria-label="one scan back">&lsaquo;</button>

@@ -33,7 +33,7 @@ from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text, short
 from phd_jdtc_ros.transponders.batches import Batch
-from phd_jdtc_ros.transport import recordings
+from phd_jdtc_ros.transport import pcap
 from phd_jdtc_ros.transport.network import RecordingError
 
 from .. import command, recorded_clouds
@@ -205,7 +205,7 @@ def _recorded(
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Conversion(bridge.stream(clock), Ports(frozenset(ports)))
     try:
-        with recordings.open_recording(path, done.recording) as data:
+        with pcap.open_recording(path, done.recording) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)

@@ -12,8 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from msg_adapters.encoding import interfaces, names
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix import writing as plots_out

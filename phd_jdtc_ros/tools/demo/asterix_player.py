@@ -33,7 +33,7 @@ from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.playback import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay import SensorReplay
 from phd_jdtc_ros.parameter_files import from_arguments, node_tables
-from phd_jdtc_ros.transport import recordings, udp
+from phd_jdtc_ros.transport import pcap, udp
 from phd_jdtc_ros.transport.network import RecordingError
 
 from ..asterix.writing import bridge_parameters
@@ -86,7 +86,7 @@ class Recording(BagReader):
         stream = self._bridge.stream(StreamClock())
         waiting: list[bytes] = []
         try:
-            with recordings.open_recording(self._recording, Counter()) as data:
+            with pcap.open_recording(self._recording, Counter()) as data:
                 for received in framing.datagrams(data, None, Counter()):
                     waiting.append(received.data)
                     for state, report in stream.feed(received.data):

@@ -16,8 +16,7 @@ from samples import estimates as some_estimates
 from samples import truth as some_truth
 from std_msgs.msg import Float64
 
-from msg_adapters.encoding import interfaces, names
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.targets import estimates, truth

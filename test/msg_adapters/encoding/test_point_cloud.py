@@ -8,8 +8,7 @@ from rclpy.serialization import deserialize_message
 from samples import STAMP_NS, cloud
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters.encoding import cdr, point_cloud, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, cdr, point_cloud, stamps
 from msg_adapters.incoming import detections
 from msg_adapters.targets import estimates, truth
 

@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from samples import FRAME, STAMP_NS, cloud, detections, polar, radar
 from sensor_msgs.msg import PointCloud2, PointField
 
-from msg_adapters.encoding import point_cloud, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, point_cloud, stamps
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.types import Detections

@@ -14,8 +14,7 @@ from samples import FRAME, STAMP_NS, cloud, radar
 from sensor_msgs.msg import PointField
 from topocentric import seen_from
 
-from msg_adapters.encoding import interfaces, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, stamps
 from msg_adapters.incoming import detections as adapter
 from msg_adapters.incoming import moving_radars, radar_scan
 from phd_jdtc_ros.columns import anomalies

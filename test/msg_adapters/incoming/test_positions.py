@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from msg_adapters.encoding import interfaces, names, point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud
 from msg_adapters.incoming import recognised
 from msg_adapters.incoming.readers import reader_of
 from phd_jdtc_ros.columns import anomalies

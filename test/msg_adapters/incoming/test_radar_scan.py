@@ -7,8 +7,7 @@ from message_types import RadarReturn, RadarScan
 from numpy.testing import assert_allclose
 from samples import FRAME, STAMP_NS, radar
 
-from msg_adapters.encoding import interfaces, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, stamps
 from msg_adapters.incoming import radar_scan
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.core.types import Detections

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from harbour import configured, turns
 
-from msg_adapters.encoding import point_cloud
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, point_cloud
 from msg_adapters.incoming import self_reports
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration.engines import new_pipeline

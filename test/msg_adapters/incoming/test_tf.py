@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import transform_messages as tf_messages
 
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError
 from msg_adapters.incoming import moving_radars
 from msg_adapters.outgoing import map_layers
 from phd_jdtc_ros.core.intake.transforms import Placement

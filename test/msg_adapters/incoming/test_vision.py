@@ -7,8 +7,7 @@ import pytest
 from message_types import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 from numpy.testing import assert_allclose
 
-from msg_adapters.encoding import stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, stamps
 from msg_adapters.incoming import vision
 from msg_adapters.incoming.readers import READERS, reader_of
 from phd_jdtc_ros.configuration.build import resolve

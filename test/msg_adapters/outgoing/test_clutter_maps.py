@@ -7,8 +7,7 @@ from reference import resolve
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import interfaces, names, point_cloud, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud, stamps
 from msg_adapters.outgoing import map_layers
 from msg_adapters.outgoing.map_layers import Mounting
 from msg_adapters.targets.tracks import UNSEEN_SCANS, Trails

@@ -6,8 +6,7 @@ from numpy.testing import assert_array_equal
 from samples import STAMP_NS, estimates, nothing
 from sensor_msgs.msg import PointField
 
-from msg_adapters.encoding import cdr, stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, cdr, stamps
 from msg_adapters.targets import estimates as adapter
 from msg_adapters.targets import markers, vertical
 from phd_jdtc_ros.core.state_space import PLANAR, SPATIAL

@@ -4,8 +4,7 @@ from numpy.testing import assert_array_equal
 from samples import STAMP_NS, truth
 from sensor_msgs.msg import PointField
 
-from msg_adapters.encoding import stamps
-from msg_adapters.encoding.errors import RejectedMessageError
+from msg_adapters.encoding import RejectedMessageError, stamps
 from msg_adapters.targets import truth as adapter
 from phd_jdtc_ros.core.types import Truth
 
