@@ -193,7 +193,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
 def _of_clock(time_ns: IntArray, columns: Columns) -> str:
     """Return the sentence about a clock that was set back, or stopped; empty if neither shows."""
     times, count = np.unique(time_ns, return_counts=True)
-    if len(times) > 1 and count.max() > max(0.1 * len(time_ns), 10.0 * np.median(count)):
+    if len(times) > 1 and count.max() > max(0.2 * len(time_ns), 10.0 * np.median(count)):
         row = int(np.argmax(time_ns == times[np.argmax(count)]))
         return (
             f"{count.max()} of {len(time_ns)} rows have the time of {place_of(columns, row)}, and "

@@ -141,6 +141,13 @@ def test_a_clock_that_stopped_is_named_with_its_row():
     assert text.startswith(f"time: {rows - row} of {rows} rows have the time of row {row + 1}, and")
 
 
+def test_a_burst_of_false_detections_is_no_stopped_clock():
+    table, rng = without(recording(13), "range_rate"), np.random.default_rng(13)
+    burst = {"time": np.full(80, 60.0), "range": rng.uniform(500.0, 30e3, 80)}
+    burst["azimuth"] = rng.uniform(-np.pi, np.pi, 80)
+    assert said({name: np.append(table[name], burst[name]) for name in burst}) == []
+
+
 def test_tables_by_target_and_in_any_order_are_no_clocks_set_back():
     table = without(recording(8), "range_rate")
     rng = np.random.default_rng(0)
