@@ -84,11 +84,8 @@ class DetectionBirthModel(ReadOnly):
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         velocities = None if report.detections.velocity is None else report.velocities
         if velocities is not None:
-            # A climb rate alone does not tell a new target from a false detection.
-            spread = velocities.noise[:, :2, :2] + self.velocity_std**2 * np.eye(2)
-            log_climb = np.where(velocities.is_known, velocities.log_climb, 0.0)
-            intensity = intensity + velocities.model.log_density(velocities.velocity[:, :2], spread)
-            intensity = intensity + log_climb
+            # A velocity alone does not tell a new target from a false detection.
+            intensity = intensity + velocities.log_clutter
         for zone in self.excluded:
             inside = zone.contains(report.position[:, :2])
             intensity = np.where(inside, -np.inf, intensity)

@@ -133,8 +133,8 @@ class VelocityModel:
     # Width of the uniform distribution for false detections along each axis, metres per second:
     # road traffic with some margin.
     span: float = 200.0
-    # Width of the distribution of climb rates of undetected targets and false detections, m/s, and
-    # the deviation of an unknown one, which counts as 0: its density is nearly 1 / `span`.
+    # Width of the distribution of false climb rates, m/s, and the deviation of an unknown one,
+    # which counts as 0: its density is nearly 1 / `span`.
     CLIMB_SPAN: ClassVar[float] = 20.0
     UNKNOWN_STD: ClassVar[float] = 80.0
 
@@ -161,18 +161,13 @@ class Velocities(NamedTuple):
         return _are_known(self.velocity)
 
     @property
-    def log_climb(self) -> FloatArray | float:
-        """Log densities of climb rates that are no known target's, (M,); 0 without climb rates."""
-        if self.velocity.shape[1] < 3:
-            return 0.0
-        is_measured = self.noise[:, 2, 2] < self.model.UNKNOWN_STD**2
-        return -np.log(np.where(is_measured, self.model.CLIMB_SPAN, self.model.span))
-
-    @property
     def log_clutter(self) -> FloatArray:
-        """Log densities of the velocities if they are false, (M,); 0 where one is unknown."""
-        log_area = 2.0 * math.log(self.model.span) - self.log_climb
-        return np.where(self.is_known, -log_area, 0.0)
+        """Log densities of the velocities of false detections, (M,); 0 where one is unknown."""
+        model, area = self.model, np.full(len(self.velocity), 2.0 * math.log(self.model.span))
+        if self.velocity.shape[1] > 2:
+            is_measured = self.noise[:, 2, 2] < model.UNKNOWN_STD**2
+            area += np.log(np.where(is_measured, model.CLIMB_SPAN, model.span))
+        return np.where(self.is_known, -area, 0.0)
 
     def take(self, rows: IntArray) -> Velocities:
         """Return the velocities of these rows."""
