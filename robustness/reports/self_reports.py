@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from msg_adapters.incoming import self_reports
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -14,8 +15,13 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
 from phd_jdtc_ros.core.types.reports import MMSI
+from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.report_bridge import cloud
+from phd_jdtc_ros.transport.network import Datagram
 
 from ..harness.figures import Found, measures
+from ..hostile_input.bad_receivers import BEGIN_NS, new_stream
+from ..hostile_input.bad_receivers import report as sentence
 
 NS, START_NS, TURN_S, FIRST = 10**9, 10**15, 2.5, 211_000_000
 SPEED, APART = 6.0, 900.0
@@ -109,3 +115,27 @@ def measure_load(turns: int = 12) -> Found:
     tracks = 0 if told is None else int(((told.owned > 0.99) & (told.alone == 0)).sum())
     text = f"{used:.2f} s of CPU a second, {tracks} radar tracks with their sources"
     return text, used < 1.0 and tracks >= 500, {"cpu": used, "tracks": tracks}
+
+
+@measures("2,000 ships through the bridge", "2,000 reports a second on half a core")
+def measure_bridge(seconds: int = 5) -> Found:
+    """Count the processor time of sentences from datagrams to what the tracker takes."""
+    config = from_arguments.config_of(PARAMETERS | {"world_origin": [54.0, 10.0, 0.0]})
+    own = config.receivers[0]
+    stream, taken, used_s = new_stream(), 0, 0.0
+    for tick in range(4 * seconds):
+        received_ns = BEGIN_NS + tick * NS // 4
+        pieces = [
+            sentence(FIRST + ship, received_ns // NS % 60, 54.0 + 1e-3 * ship + 1e-6 * tick)
+            for ship in range(500 * (tick % 4), 500 * (tick % 4) + 500)
+        ]
+        begin_s = time.process_time()
+        for piece in pieces:
+            for found in stream.feed(Datagram(piece, received_ns)):
+                if found is not None:
+                    told = self_reports.from_msg(cloud(found[1], "ais"), own)
+                    taken += len(told.reports)
+        used_s += time.process_time() - begin_s
+    each_s = used_s / max(taken, 1)
+    text = f"{2000 * each_s:.2f} s of CPU for 2,000 reports, {1.0 / each_s:,.0f} a second"
+    return text, taken > 1500 * seconds and 2000 * each_s < 0.5, {"cpu": 2000 * each_s}
