@@ -79,6 +79,7 @@ HONEST = CLASS_A, CLASS_B, CLONE
 TRUE_KINDS = (*HONEST, LIAR, BOAT)  # Those that are not dark
 FIRST_MMSI = 211_000_001
 DURATION_S, SETTLING_S, LIES_S = 900.0, 60.0, 180.0
+LIKE_TRUTH_S = 30.0  # A lie is within the errors for so long, seconds
 NEAR = 150.0  # Largest distance between a track and its ship, metres
 # Of ships this near to another one the assignment does not tell whose track one is, metres.
 APART = 60.0
@@ -216,7 +217,8 @@ class Scores:
         self._dark: set[int] = set()
         self._doubted: set[int] = set()
         self.figures: Figures = {
-            **{name: [] for name in ("radar", "joint", "nees", "said", "true")},
+            **{name: [] for name in ("radar", "joint", "nees")},
+            **{name: [] for name in ("said", "true", "doubt_said", "doubt_true")},
             **dict.fromkeys(("false_doubts", "owned", "wrong"), 0),
             **{"source_hours": 0.0, "changes": [0, 0]},
             # By kind, of those that are not dark.
@@ -291,10 +293,18 @@ class Scores:
         self._dark = called
 
     def _call_doubtful(self, told: Reported, now_s: float) -> None:
-        """Count calls of sources, of which a shared address has several."""
+        """Count calls of sources, of which a shared address has several, and P(doubtful)."""
         named = told.space == MMSI
         doubted = set(told.address[named & (told.doubtful > ALARM)].tolist())
         liar = self._addresses[KINDS.index(LIAR)]
+        # Of a source that owns a track it is what is missing of the owner's probability.
+        doubt = np.where(told.alone == 1, told.doubtful, 1.0 - told.owned)
+        lies = named & (told.address == liar) & (now_s > LIES_S)
+        # A lie of some seconds is within the errors.
+        known = named & np.isfinite(doubt) & (now_s > SETTLING_S)
+        known &= (told.reason != LEFT) & ~(lies & (now_s < LIES_S + LIKE_TRUTH_S))
+        self.figures["doubt_said"] += doubt[known].tolist()
+        self.figures["doubt_true"] += lies[known].tolist()
         heard = set(told.address[named].tolist()) - ({liar} if now_s > LIES_S else set())
         self.figures["source_hours"] += len(heard) * TURN_S / 3600.0
         self.figures["false_doubts"] += len((doubted - self._doubted) & heard)
@@ -337,7 +347,12 @@ def _combined(found: Sequence[Figures]) -> Figures:
             for name in ("false_dark", "ship_hours")
         },
         "changes": np.sum([own["changes"] for own in found], axis=0).tolist(),
-        "calibration": _calibration(np.array(every("said")), np.array(every("true"), dtype=float)),
+        **{
+            f"{name}calibration": _calibration(
+                np.array(every(f"{name}said")), np.array(every(f"{name}true"), dtype=float)
+            )
+            for name in ("", "doubt_")
+        },
     }
 
 
@@ -375,18 +390,23 @@ def _tables(figures: Figures) -> list[Table | str]:
         ("wrong owners", f"{figures['wrong']} of {figures['owned']}"),
         ("changes of track numbers", "{1}, of the radar alone {0}".format(*figures["changes"])),
     ]
+    return [
+        runner.table(f"harbours, {figures['runs']} runs", ("figure", "value"), rows),
+        _bins("P(dark)", "are dark", figures["calibration"]),
+        _bins("P(doubtful)", "are wrong", figures["doubt_calibration"]),
+    ]
+
+
+def _bins(title: str, true: str, calibration: Sequence[Figures]) -> Table:
     bins = [
         (
             f"{row['low']:.2f} to {row['high']:.2f}",
             str(row["count"]),
             *(f"{row[name]:.3f}" if name in row else "-" for name in ("said", "true")),
         )
-        for row in figures["calibration"]
+        for row in calibration
     ]
-    return [
-        runner.table(f"harbours, {figures['runs']} runs", ("figure", "value"), rows),
-        runner.table("P(dark)", ("probability", "estimates", "said", "are dark"), bins),
-    ]
+    return runner.table(title, ("probability", "estimates", "said", true), bins)
 
 
 def _shown(times: Figures) -> str:
