@@ -39,14 +39,12 @@ class OspaAccumulator(Accumulator):
             heading="OSPA",
             unit="m",
             of_run=mean("ospa"),
-            definition=(
-                "Mean over the scans of the optimal sub-pattern assignment distance between the "
-                "estimated and the true positions of a scan. Estimates and targets are paired so "
-                "that the sum of the p-th powers of their distances, each cut off at c, is least. "
-                "A missed or false target counts as a distance of c. The OSPA distance is the mean "
-                "of these powers over the larger set, to the power 1/p. It is 0 if both sets are "
-                "empty and c if only one is."
-            ),
+            definition="Mean over the scans of the optimal sub-pattern assignment distance between "
+            "the estimated and the true positions of a scan. Estimates and targets are paired so "
+            "that the sum of the p-th powers of their distances, each cut off at c, is least. A "
+            "missed or false target counts as a distance of c. The OSPA distance is the mean of "
+            "these powers over the larger set, to the power 1/p. It is 0 if both sets are empty "
+            "and c if only one is.",
             group=OSPA,
         ),
         Metric(
@@ -54,11 +52,9 @@ class OspaAccumulator(Accumulator):
             heading="localisation",
             unit="m",
             of_run=mean("localization"),
-            definition=(
-                "The part of the OSPA distance due to the position errors of the pairs. The p-th "
-                "powers of the two parts add up to that of the distance in every scan; the parts "
-                "themselves add only for p = 1."
-            ),
+            definition="The part of the OSPA distance due to the position errors of the pairs. The "
+            "p-th powers of the two parts add up to that of the distance in every scan; the parts "
+            "themselves add only for p = 1.",
             group=OSPA,
         ),
         Metric(
@@ -87,11 +83,9 @@ class GospaAccumulator(Accumulator):
             heading="GOSPA",
             unit="m",
             of_run=mean("gospa"),
-            definition=(
-                "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p "
-                "and c. It is not divided by the number of targets, and every missed and every "
-                "false target costs c / 2^(1/p)."
-            ),
+            definition="Mean over the scans of the generalised OSPA distance (alpha = 2) with the "
+            "same p and c. It is not divided by the number of targets, and every missed and every "
+            "false target costs c / 2^(1/p).",
             group=GOSPA,
         ),
         Metric(
@@ -99,10 +93,8 @@ class GospaAccumulator(Accumulator):
             heading="localisation",
             unit="m",
             of_run=mean("gospa_localization"),
-            definition=(
-                "The part of the GOSPA distance due to the position errors of the pairs; it is not "
-                "divided by their number."
-            ),
+            definition="The part of the GOSPA distance due to the position errors of the pairs; it "
+            "is not divided by their number.",
             group=GOSPA,
         ),
         Metric(
@@ -140,10 +132,8 @@ class Numbers(Accumulator):
             heading="number error",
             form=".3f",
             of_run=mean("cardinality_abs_error"),
-            definition=(
-                "Mean over the scans of the absolute difference between the number of estimates "
-                "and the number of targets."
-            ),
+            definition="Mean over the scans of the absolute difference between the number of "
+            "estimates and the number of targets.",
             group=OSPA,
         ),
     )
@@ -164,11 +154,9 @@ class Space(Accumulator):
             heading="OSPA in space",
             unit="m",
             of_run=mean("ospa_3d"),
-            definition=(
-                "The OSPA distance of positions with heights, in scans whose estimates are in "
-                "space and whose true heights are known. An estimate whose height is unknown is "
-                "as far as c from every target."
-            ),
+            definition="The OSPA distance of positions with heights, in scans whose estimates are "
+            "in space and whose true heights are known. An estimate whose height is unknown is as "
+            "far as c from every target.",
             group=SPACE,
         ),
         Metric(
@@ -184,11 +172,9 @@ class Space(Accumulator):
             heading="NEES in space",
             form="#.3g",
             of_run=share("nees_3d_sum", "judged_in_space"),
-            definition=(
-                "Normalised estimation error squared of position and velocity in space, divided "
-                "by 6: the mean over the pairs with known heights and climb rates. It is 1 if the "
-                "covariances are right, and larger if they are too small."
-            ),
+            definition="Normalised estimation error squared of position and velocity in space, "
+            "divided by 6: the mean over the pairs with known heights and climb rates. It is 1 if "
+            "the covariances are right, and larger if they are too small.",
             group=SPACE,
         ),
     )
@@ -254,10 +240,8 @@ class Pairs(Accumulator):
             heading="position RMS",
             unit="m",
             of_run=root_mean("square_error", "pairs"),
-            definition=(
-                "Root mean square, over all pairs of the run, of the distance between a target and "
-                "the estimate that it is paired with, by position alone, closer than c."
-            ),
+            definition="Root mean square, over all pairs of the run, of the distance between a "
+            "target and the estimate that it is paired with, by position alone, closer than c.",
             group=SURVEILLANCE,
         ),
         Metric(
@@ -265,10 +249,8 @@ class Pairs(Accumulator):
             heading="position detected",
             form=".2%",
             of_run=share("pairs", "n_true"),
-            definition=(
-                "Share of the targets, over all scans, that are paired with an estimate, by "
-                "position alone, closer than c."
-            ),
+            definition="Share of the targets, over all scans, that are paired with an estimate, by "
+            "position alone, closer than c.",
             group=SURVEILLANCE,
         ),
     )
@@ -288,10 +270,8 @@ class Nearness(Accumulator):
             heading="false per scan",
             form=".3f",
             of_run=mean("beyond"),
-            definition=(
-                "Mean number per scan of estimates that are farther than c from every target. A "
-                "second estimate near a target does not count here; `false` counts it too."
-            ),
+            definition="Mean number per scan of estimates that are farther than c from every "
+            "target. A second estimate near a target does not count here; `false` counts it too.",
             group=WHOLE,
             headline=True,
         ),
@@ -326,10 +306,8 @@ class Heights(Accumulator):
             heading="height RMS",
             unit="m",
             of_run=root_mean("height_square_error", "heights"),
-            definition=(
-                "Root mean square, over all pairs of the run whose true and estimated heights are "
-                "known, of the difference of the two."
-            ),
+            definition="Root mean square, over all pairs of the run whose true and estimated "
+            "heights are known, of the difference of the two.",
             group=WHOLE,
         ),
     )
@@ -353,11 +331,9 @@ class Classes(Accumulator):
             heading="class accuracy",
             form=".1%",
             of_run=share("right_class", "pairs"),
-            definition=(
-                "Share of the pairs with the right class. Pairs are of an estimate and a target, "
-                "by position alone, closer than c; in a report the estimates are those of the "
-                "smoother. Missed and false targets are left out."
-            ),
+            definition="Share of the pairs with the right class. Pairs are of an estimate and a "
+            "target, by position alone, closer than c; in a report the estimates are those of the "
+            "smoother. Missed and false targets are left out.",
             group=CLASSES,
             headline=True,
         ),

@@ -188,11 +188,9 @@ class Gaps(Accumulator):
             heading="longest gap",
             unit="s",
             of_run=if_any("n_true", lambda run: run.maximum("longest_gap_s")),
-            definition=(
-                "The longest of all gaps. A gap is a time in which an existing target has no "
-                "paired estimate. It lasts from the previous estimate, or else the target's first "
-                "scan, to the next estimate, or else its last scan."
-            ),
+            definition="The longest of all gaps. A gap is a time in which an existing target has "
+            "no paired estimate. It lasts from the previous estimate, or else the target's first "
+            "scan, to the next estimate, or else its last scan.",
             group=SURVEILLANCE,
         ),
         Metric(
@@ -321,13 +319,11 @@ class Switches(LabelAccumulator):
             heading="identity switches",
             form=".0f",
             of_run=if_any("n_est", lambda run: run.sum("identity_switches")),
-            definition=(
-                "Number over the run of targets that are paired with another track id than before, "
-                "and of track ids that pass to another target: a broken track counts one, two "
-                "swapped tracks count two. A target and a track stay a pair while both exist, "
-                "closer than c; the others are paired by position. It needs track ids of all "
-                "targets and estimates."
-            ),
+            definition="Number over the run of targets that are paired with another track id than "
+            "before, and of track ids that pass to another target: a broken track counts one, two "
+            "swapped tracks count two. A target and a track stay a pair while both exist, closer "
+            "than c; the others are paired by position. It needs track ids of all targets and "
+            "estimates.",
             group=TRACKS,
             headline=True,
         ),
@@ -336,12 +332,10 @@ class Switches(LabelAccumulator):
             heading="identity switches, seen",
             form=".0f",
             of_run=if_any("n_est", lambda run: run.sum("seen_switches")),
-            definition=(
-                "The same, except that a coasting track, which had no detection in its last scan, "
-                "keeps its target and is paired with no other. A track that coasts for one more "
-                "revolution after its target has landed is therefore not paired with an aircraft "
-                "that takes off nearby. Tracks of unknown state count as not coasting."
-            ),
+            definition="The same, except that a coasting track, which had no detection in its last "
+            "scan, keeps its target and is paired with no other. A track that coasts for one more "
+            "revolution after its target has landed is therefore not paired with an aircraft that "
+            "takes off nearby. Tracks of unknown state count as not coasting.",
             group=TRACKS,
         ),
     )

@@ -80,11 +80,9 @@ class OspaAfterBirth(RunAccumulator):
             heading="OSPA after 5 scans",
             unit="m",
             of_run=mean("ospa_after_5"),
-            definition=(
-                "Mean OSPA without the targets in their first five scans and without the estimates "
-                "that are paired with them. Scans in which all existing targets are in their first "
-                "five are left out."
-            ),
+            definition="Mean OSPA without the targets in their first five scans and without the "
+            "estimates that are paired with them. Scans in which all existing targets are in their "
+            "first five are left out.",
             group=STUDY,
         ),
     )
@@ -142,10 +140,8 @@ class Promptness(RunAccumulator):
             heading="reported within 4 scans",
             form=".1%",
             of_run=share("prompt", "begun"),
-            definition=(
-                "Share of the targets that are paired with an estimate in one of their first four "
-                "scans, by position alone, closer than c; of targets that exist so long."
-            ),
+            definition="Share of the targets that are paired with an estimate in one of their "
+            "first four scans, by position alone, closer than c; of targets that exist so long.",
             group=STUDY,
         ),
     )
@@ -195,10 +191,8 @@ class ReflectorsAndDelays(RunAccumulator):
             heading="on reflectors",
             form=".3f",
             of_run=mean("on_reflectors"),
-            definition=(
-                "Mean number per revolution, after the first twenty, of estimates within 100 m of "
-                "a reflector such as a quay, and farther than that from every target."
-            ),
+            definition="Mean number per revolution, after the first twenty, of estimates within "
+            "100 m of a reflector such as a quay, and farther than that from every target.",
             group=STUDY,
         ),
         Metric(
@@ -206,10 +200,8 @@ class ReflectorsAndDelays(RunAccumulator):
             heading="found late",
             form=".1%",
             of_run=share("late", "five_scans_old"),
-            definition=(
-                "Share of the targets to which no estimate within 200 m was assigned in their "
-                "first five scans or revolutions."
-            ),
+            definition="Share of the targets to which no estimate within 200 m was assigned in "
+            "their first five scans or revolutions.",
             group=STUDY,
         ),
     )
