@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
+import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import Any
 
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import interfaces, names
+from phd_jdtc_ros import output_files
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.transport import network
-from phd_jdtc_ros.transport.network import Datagram
+from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
+from phd_jdtc_ros.quoting import short
+from phd_jdtc_ros.transport import network, pcap
+from phd_jdtc_ros.transport.network import Datagram, RecordingError
 
 
 @dataclass
@@ -72,6 +80,43 @@ class Ports:
         """The ports without datagrams, in words."""
         silent = " or ".join(map(str, self.silent))
         return f"no datagram is to port {silent}; ports with their datagrams: {most(self.seen)}"
+
+
+@contextmanager
+def opened(path: Path, counts: Counter[str]) -> Iterator[Any]:
+    """Open a recording and yield its bytes; `counts` gains its skipped parts.
+
+    Raise `BagError` if it is empty, or cannot be read.
+    """
+    try:
+        with pcap.open_recording(path, counts) as data:
+            if not len(data):
+                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+            yield data
+    except RecordingError as error:
+        raise BagError(f"{path}: {error}") from error
+
+
+@contextmanager
+def table(
+    out: Path, columns: Sequence[str]
+) -> Iterator[Callable[[Iterable[Sequence[str]]], object]]:
+    """Open a table of comma-separated values with a heading; the function writes rows into it."""
+    with output_files.opened(out) as stream:
+        lines = io.TextIOWrapper(stream, "utf-8", newline="", write_through=True)
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(columns)
+        yield writer.writerows
+        lines.detach()
+
+
+def ended(name: str, path: Path, lines: Iterable[str], faults: Sequence[str]) -> int:
+    """Print what a tool has read of a recording, and its faults; return the exit status."""
+    for line in lines:
+        print(line)
+    for fault in faults:
+        print(f"{name}: {path}: {short(fault)}", file=sys.stderr)
+    return CORRUPT if faults else OK
 
 
 def most(counts: Counter[Any]) -> str:

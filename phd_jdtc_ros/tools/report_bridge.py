@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import math
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,15 +17,15 @@ from phd_jdtc_ros import report_bridge as settings
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
+from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
-from phd_jdtc_ros.quoting import counts_text, short
+from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
 from phd_jdtc_ros.transponders.stream import ReportStream
 from phd_jdtc_ros.transponders.transmitters import Dated
 from phd_jdtc_ros.transport import pcap
-from phd_jdtc_ros.transport.network import Datagram, RecordingError
+from phd_jdtc_ros.transport.network import Datagram
 
 from . import command, recorded_clouds
 from .recorded_clouds import CloudWriter, Ports
@@ -102,9 +99,7 @@ def _work(arguments: argparse.Namespace) -> int:
     stream = settings.stream(settings.resolve(given), arguments.start)
     done = Conversion(stream, Ports(frozenset(arguments.port)))
     try:
-        with pcap.open_recording(path, done.recording) as data:
-            if not len(data):
-                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+        with recorded_clouds.opened(path, done.recording) as data:
             sink = _table if arguments.out is None else _bag
             with sink(out) as write:
                 for network, batch in _batches(data, done):
@@ -112,15 +107,8 @@ def _work(arguments: argparse.Namespace) -> int:
                     write(network, batch)
     except ModuleNotFoundError as error:
         raise ConfigError(f"{path}: {settings.missing(error)}") from error
-    except RecordingError as error:
-        raise BagError(f"{path}: {error}") from error
     print(f"{out}: {done.clouds} clouds, {done.reports} reports")
-    for line in done.lines():
-        print(line)
-    faults = list(done.faults())
-    for fault in faults:
-        print(f"{NAME}: {path}: {short(fault)}", file=sys.stderr)
-    return CORRUPT if faults else OK
+    return recorded_clouds.ended(NAME, path, done.lines(), list(done.faults()))
 
 
 def _batches(data: Any, done: Conversion) -> Iterator[tuple[str, Batch]]:
@@ -136,7 +124,7 @@ def _batches(data: Any, done: Conversion) -> Iterator[tuple[str, Batch]]:
 
 
 @contextmanager
-def _bag(out: Path) -> Iterator[Callable[[str, Batch], None]]:
+def _bag(out: Path) -> Iterator[Callable[[str, Batch], object]]:
     """Open a new bag; the function writes a batch of a network into it."""
     with BagWriter(out) as bag:
         writer = CloudWriter(bag)
@@ -149,18 +137,10 @@ def _bag(out: Path) -> Iterator[Callable[[str, Batch], None]]:
 
 
 @contextmanager
-def _table(out: Path) -> Iterator[Callable[[str, Batch], None]]:
+def _table(out: Path) -> Iterator[Callable[[str, Batch], object]]:
     """Open a table; the function writes a batch of a network into it; see `COLUMNS`."""
-    with output_files.opened(out) as stream:
-        lines = io.TextIOWrapper(stream, "utf-8", newline="", write_through=True)
-        writer = csv.writer(lines, lineterminator="\n")
-        writer.writerow(COLUMNS)
-
-        def write(network: str, batch: Batch) -> None:
-            writer.writerows(_cells(network, report) for report in batch.reports)
-
-        yield write
-        lines.detach()
+    with recorded_clouds.table(out, COLUMNS) as write:
+        yield lambda network, batch: write(_cells(network, report) for report in batch.reports)
 
 
 def _cells(network: str, report: Dated) -> list[str]:

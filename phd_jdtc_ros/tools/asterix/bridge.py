@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import math
 import sys
 from collections import Counter
@@ -31,10 +29,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
-from phd_jdtc_ros.quoting import counts_text, short
+from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transponders.batches import Batch
-from phd_jdtc_ros.transport import pcap
-from phd_jdtc_ros.transport.network import RecordingError
 
 from .. import command, recorded_clouds
 from ..recorded_clouds import CloudWriter, Ports, damage, most
@@ -204,14 +200,9 @@ def _recorded(
     """Open a recording; see `convert`."""
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Conversion(bridge.stream(clock), Ports(frozenset(ports)))
-    try:
-        with pcap.open_recording(path, done.recording) as data:
-            if not len(data):
-                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
-            framing.kind_of(data)
-            yield done, _reports(data, done, midnight_ns)
-    except RecordingError as error:
-        raise BagError(f"{path}: {error}") from error
+    with recorded_clouds.opened(path, done.recording) as data:
+        framing.kind_of(data)
+        yield done, _reports(data, done, midnight_ns)
 
 
 def convert(
@@ -254,19 +245,14 @@ def tabulate(
     """
     with (
         _recorded(path, bridge, midnight_ns, ports) as (done, reports),
-        output_files.opened(out) as stream,
+        recorded_clouds.table(out, COLUMNS) as write,
     ):
-        lines = io.TextIOWrapper(stream, "utf-8", newline="", write_through=True)
-        writer = csv.writer(lines, lineterminator="\n")
-        writer.writerow(COLUMNS)
         for state, report in reports:
             done.clouds += 1
             done.count(report)
-            if isinstance(report, Batch):
-                continue
-            for time_ns, plot in zip(report.times_ns, report.plots, strict=True):
-                writer.writerow(_cells(state.settings.name, time_ns, plot))
-        lines.detach()
+            if not isinstance(report, Batch):
+                dated, name = zip(report.times_ns, report.plots, strict=True), state.settings.name
+                write(_cells(name, time_ns, plot) for time_ns, plot in dated)
     if done.positions:
         done.hints.append("positions are no plots, and are not in the table: a bag has them")
     return done
@@ -336,12 +322,7 @@ def _from_recording(path: Path, arguments: argparse.Namespace, bridge: settings.
         read, out = tabulate, arguments.csv
     done = read(path, out, bridge, arguments.date, arguments.port)
     print(f"{out}: {done.clouds} clouds, {done.plots} plots")
-    for line in done.lines():
-        print(line)
-    faults = list(done.faults())
-    for fault in faults:
-        print(f"{NAME}: {path}: {short(fault)}", file=sys.stderr)
-    return CORRUPT if faults else OK
+    return recorded_clouds.ended(NAME, path, done.lines(), list(done.faults()))
 
 
 def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> int:
