@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Trut
 from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.report.style import Clock, metres_text, round_step
+from phd_jdtc_ros.report.style import Clock, MapScale, metres_text, round_step
 
 from ..record import RadarSite, Record, Sets, class_of
 from ..style import class_colour
@@ -424,9 +424,12 @@ def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
         "height. Dashed lines are the limits of its elevations, without the curvature of the earth."
     )
     sites = [site for site in record.radars if math.isfinite(site.height)]
-    figure = rows_over_time(record, [site.name for site in sites], "height (m)")
+    figure, scale = (
+        rows_over_time(record, [s.name for s in sites], "height (m)"),
+        MapScale.of(record),
+    )
     figure.update_xaxes(range=None, title=None)
-    figure.update_xaxes(title={"text": "distance (km)"}, row=len(sites), col=1)
+    figure.update_xaxes(title={"text": f"distance ({scale.unit})"}, row=len(sites), col=1)
     named: set[str] = set()
     for row, site in enumerate(sites, 1):
         farthest = 0.0
@@ -435,7 +438,7 @@ def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
             distance = np.hypot(*(path.position - np.array(site.position)).T)
             farthest = max(farthest, float(distance.max()))
             line = {"color": class_colour(path.class_id), "width": 1.2}
-            x = np.round(distance / 1e3, 4).tolist()
+            x = np.round(scale.of_metres(distance), 4).tolist()
             _add(figure, row, x, path.height, name, line, name not in named)
             named.add(name)
         heights = np.concatenate([path.height for path in tracks])
@@ -444,24 +447,23 @@ def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
         margin = 0.05 * (max(top, site.height) - min(bottom, site.height)) + 1.0
         limits = [min(bottom, site.height) - margin, max(top, site.height) + margin]
         figure.update_yaxes(range=limits, row=row, col=1)
-        for edge in _edges(site, farthest, top):
-            _add(figure, row, *edge, "limit", {"color": NEUTRAL, "width": 1.0, "dash": "dash"})
+        for reach, y in _edges(site, farthest, top):
+            x = scale.of_metres(reach).tolist()
+            _add(figure, row, x, y, "limit", {"color": NEUTRAL, "width": 1.0, "dash": "dash"})
     figure.update_layout(hovermode="closest")
     caption = side_caption.format(source=source_of(record))
     return Chart("sides", "From the side of each radar", caption, figure)
 
 
-def _edges(
-    site: RadarSite, farthest: float, top: float
-) -> Iterator[tuple[list[float], FloatArray]]:
-    """Yield the limits of a radar's elevations, up to a distance and a height: km and metres."""
+def _edges(site: RadarSite, farthest: float, top: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the limits of a radar's elevations, up to a distance and a height, metres."""
     for elevation in site.elevations:
         if abs(elevation) >= 0.5 * math.pi:
             continue
         slope, reach = math.tan(elevation), farthest
         if slope > 0.0:
             reach = min(reach, max(top - site.height, 0.0) / slope)
-        yield [0.0, reach / 1e3], np.array([site.height, site.height + reach * slope])
+        yield np.array([0.0, reach]), np.array([site.height, site.height + reach * slope])
 
 
 def _add(
