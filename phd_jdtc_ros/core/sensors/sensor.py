@@ -51,8 +51,7 @@ class Sensor(ReadOnly, ABC):
     rotation_s: float = 0.0  # Rotation period of the antenna, seconds; 0 if it does not turn
     # Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     cluster_distance: float = 0.0
-    # Smallest plausible noise of its components, (Z,), and no noise is too large for it: by default
-    # that of places, metres. Only synthetic detections are more accurate.
+    # Smallest plausible noise, (Z,), which is never too large; by default that of places, metres.
     least_std: tuple[float, ...] = (0.001, 0.001)
     # Outliers among its measurements; None without any.
     outliers: HeavyTails | None = None

@@ -14,10 +14,11 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...compilation import SIZE, Float1, Float2, Writeable, in_place, inner
-from ...state_space import OMEGA, Z
+from ...state_space import SPATIAL
 from ...targets.turn_matrix import climb, turn, turn_terms, write_climb, write_turn
 from .blocks import dot
 
+OMEGA, Z = SPATIAL.turn_rate, SPATIAL.vertical[0]
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
