@@ -50,7 +50,7 @@ The packages import downwards only; contracts in ``pyproject.toml`` enforce this
     models
     factors
     sensors
-    association, pair_search, targets
+    association, targets
     types
     bisection, snapshot, state_space
     compilation

@@ -75,9 +75,9 @@ def correct(particles: Particles, report: View, modes: ModeSpace) -> Particles:
     report = limit_detections(report, measured, particles.weight)
     (radar,) = polar_radars([report.sensor])
     # A target outside the field of view is no source of a detection inside it.
-    visible = measured.copy()
-    visible[radar.visibility.probability_in_view(measured) == 0.0, 0] = np.inf
-    row, column, log_likelihood = radar.gated_pairs(visible, report.detections)
+    (visible,) = radar.visibility.probability_in_view(measured).nonzero()
+    row, column, log_likelihood = radar.gated_pairs(measured[visible], report.detections)
+    row = visible[row]
     log_likelihood = log_likelihood + log_amplitude_likelihood(report, class_id[row], column, modes)
     share = explained_shares(column, log_likelihood, particles.weight[row], report)
     missed = 1.0 - detection_probability(report, measured, class_id, modes)

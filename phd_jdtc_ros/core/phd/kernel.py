@@ -1,8 +1,8 @@
 """The backward kernel between two stored particle sets (Sec. IV-C, Step 4), built once per scan.
 
 The kernel K and its normaliser mu do not depend on later scans. They are cached, so that every lag
-costs one sparse product. Only pairs within a gate of the process noise are kept, which a search by
-sort and sweep finds instead of the paper's k-d tree.
+costs one sparse product. Only pairs within a gate of the process noise are kept, which a k-d tree
+finds, as in the paper.
 
 After a long interval nearly every particle may descend from nearly every particle of the set
 before. A row with many pairs is therefore thinned to those that the teeth of a comb hit, in
@@ -14,16 +14,14 @@ Bernoulli 23(3), 2017) already bound the variance of the estimates over time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
+from scipy import sparse, spatial
 
 from ..arrays import GOLDEN_RATIO, FloatArray, IntArray, SparseArray, add_by_row, run_starts
 from ..models.tracker_model import TrackerModel
-from ..pair_search.candidates import near_chunks
-from ..pair_search.sweep import candidates
 from ..targets import birth
 from ..targets.motion import whitener
 from .particles import Particles
@@ -31,6 +29,9 @@ from .resampling import comb
 
 # Largest number of pairs of a later row.
 MAX_PAIRS_PER_ROW = 128
+# Largest number of pairs that are searched at a time, 25 MB: after a long interval nearly every
+# particle may descend from every one of the set before.
+AT_ONCE = 1 << 20
 # Later row, earlier row and density of pairs; the later rows ascend.
 Pairs = tuple[IntArray, IntArray, FloatArray]
 
@@ -93,37 +94,24 @@ def _rated(
     matrix, log_determinant = whitener(noise)
     peak = np.exp(log_determinant - 0.5 * len(noise) * np.log(2.0 * np.pi))
     (sources,) = rate.nonzero()
-    query, point = state @ matrix.T, successor[sources] @ matrix.T
-    one_block = np.zeros(len(query), dtype=np.int64), np.zeros(len(point), dtype=np.int64)
-    if not len(query) or not len(point):
-        return
-    # Gate on the process noise, in standard deviations: with 6, single weights are off by 5 %, with
-    # 7 by up to 2e-3, and with 7.5 by less than 1e-4.
-    search = candidates(query, one_block[0], point, one_block[1], 7.5)
-    for row, index, square in complete_rows(near_chunks(search)):
-        column = sources[index]
-        yield row, column, peak * np.exp(-0.5 * square) * rate[column]
-
-
-def complete_rows(pairs: Iterable[Pairs]) -> Iterator[Pairs]:
-    """Yield pairs of ascending rows in chunks that end between rows."""
-    none = np.zeros(0, dtype=np.int64)
-    row, column, value = none, none, np.zeros(0)
-    for chunk in pairs:
-        row, column = np.concatenate((row, chunk[0])), np.concatenate((column, chunk[1]))
-        value = np.concatenate((value, chunk[2]))
-        # The last row may continue in the next chunk.
-        last = int(row.searchsorted(row[-1])) if len(row) else 0
-        yield row[:last], column[:last], value[:last]
-        row, column, value = row[last:], column[last:], value[last:]
-    yield row, column, value
+    query, step = state @ matrix.T, max(AT_ONCE // max(len(sources), 1), 1)
+    tree = spatial.cKDTree(successor[sources] @ matrix.T, balanced_tree=False)
+    for begin in range(0, len(query), step):
+        # Gate on the process noise, in standard deviations: with 6, single weights are off by 5 %,
+        # with 7 by up to 2e-3, and with 7.5 by less than 1e-4.
+        part = spatial.cKDTree(query[begin : begin + step], balanced_tree=False)
+        near = part.sparse_distance_matrix(tree, 7.5, output_type="ndarray")
+        order = np.argsort(near["i"] * len(sources) + near["j"])
+        row, column = near["i"][order], sources[near["j"][order]]
+        yield begin + row, column, peak * np.exp(-0.5 * near["v"][order] ** 2) * rate[column]
 
 
 def thin(pairs: Pairs, weight: FloatArray) -> Pairs:
     """Return the pairs, with long rows replaced by a systematic selection of their pairs.
 
-    The rows ascend and are complete; `weight` is that of the earlier row of each pair. At most
-    `MAX_PAIRS_PER_ROW` pairs per row are kept, and each row keeps its sum of kernel times weight.
+    The rows ascend and are complete, and the columns of a row ascend. `weight` is that of the
+    earlier row of each pair. At most `MAX_PAIRS_PER_ROW` pairs per row are kept, and each row keeps
+    its sum of kernel times weight.
 
     The selection is deterministic: the offset of a row's comb follows from the row's number, and
     the offsets of many rows are spread evenly over the distance of two teeth, so that over many
@@ -136,8 +124,6 @@ def thin(pairs: Pairs, weight: FloatArray) -> Pairs:
     count = np.diff(np.append(first, len(row)))
     in_long_row = (count > MAX_PAIRS_PER_ROW).repeat(count)
     pair = np.flatnonzero(in_long_row)
-    # The sort by column makes the selection independent of the order of the search.
-    pair = pair[np.lexsort((column[pair], row[pair]))]
     long_row = row[first[count > MAX_PAIRS_PER_ROW]]
     group = np.arange(len(long_row)).repeat(count[count > MAX_PAIRS_PER_ROW])
     share = value[pair] * weight[pair]

@@ -151,11 +151,10 @@ class RadarModel(Sensor):
         return std
 
     def gated_pairs(
-        self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
+        self, predicted: FloatArray, detections: Detections
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
-        noise_std = None if detections.noise_std is None else self.noise_std_of(detections)
-        return polar_gate.gated_pairs(predicted, detections, self.noise_std, noise_std, rate)
+        return polar_gate.gated_pairs(predicted, detections, self.noise_std_of(detections))
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:

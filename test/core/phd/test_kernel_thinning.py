@@ -41,17 +41,6 @@ def test_thin_keeps_the_sum_of_every_row_in_few_pairs():
     np.testing.assert_array_equal(kept_value[kept_few], value[few])
 
 
-def test_thin_does_not_depend_on_the_order_of_pairs():
-    row, column, value, weight = pairs_of([300])
-    mixed = np.random.default_rng(1).permutation(len(row))
-    first = kernel.thin((row, column, value), weight[column])
-    second = kernel.thin((row, column[mixed], value[mixed]), weight[column[mixed]])
-    for found in (first, second):
-        order = np.argsort(found[1])
-        np.testing.assert_array_equal(found[1][order], np.sort(first[1]))
-        np.testing.assert_allclose(found[2][order], first[2][np.argsort(first[1])], rtol=1e-12)
-
-
 def test_thin_is_fair_over_many_rows():
     # All rows have the same pairs; only the offset of the comb differs from row to row.
     rows = 2000
@@ -64,20 +53,6 @@ def test_thin_is_fair_over_many_rows():
     # Offsets by the golden section are more even than random ones, so the error is smaller.
     tooth = value @ weight[column] / kernel.MAX_PAIRS_PER_ROW / weight[column]
     assert (np.abs(mean - value) <= 5.0 * tooth / np.sqrt(rows)).all()
-
-
-@pytest.mark.parametrize("size", [1, 7, 100, 10_000])
-def test_complete_rows_does_not_split_a_row(size):
-    row, column, value, _ = pairs_of([5, 0, 200, 1, 128])
-    chunks = [
-        (row[k : k + size], column[k : k + size], value[k : k + size])
-        for k in range(0, len(row), size)
-    ]
-    found = list(kernel.complete_rows(chunks))
-    for index, given in enumerate((row, column, value)):
-        np.testing.assert_array_equal(np.concatenate([part[index] for part in found]), given)
-    rows = [index for part in found for index in np.unique(part[0])]
-    assert rows == sorted(set(rows))
 
 
 def dense_scene(interval):

@@ -150,20 +150,6 @@ def at(seconds):
     return state
 
 
-@pytest.mark.parametrize("seconds", [-0.25, 0.0, 0.25])
-def test_gated_pairs_compares_a_detection_with_the_state_at_its_own_time(seconds):
-    precise = replace(RADAR, range_std=5.0, azimuth_std=np.radians(0.05))
-    offset = np.array([[3.0, 0.0], [0.0, np.radians(0.04)]])
-    then = Detections(precise.measure(at(seconds)) + offset, None, np.full(2, seconds))
-    particle, detection, found = precise.gated_pairs(
-        precise.measure(MOVING), then, measurement_rate(precise)
-    )
-    now = Detections(precise.measure(MOVING) + offset, None)
-    _, _, expected = precise.gated_pairs(precise.measure(MOVING), now)
-    np.testing.assert_array_equal(particle, detection)
-    np.testing.assert_allclose(found, expected, atol=0.2)
-
-
 def test_gated_pairs_takes_each_detections_own_deviation():
     far = RADAR.measure(MOVING) + np.array([900.0, 0.0])
     std = np.tile(RADAR.noise_std, (2, 1))
