@@ -45,8 +45,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_541,
-    "files of the product": 433,
+    "lines of the product": 78_090,
+    "files of the product": 429,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 12.6,
     f"functions with {MANY} parameters or more": 1,

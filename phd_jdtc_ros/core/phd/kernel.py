@@ -29,9 +29,6 @@ from .resampling import comb
 
 # Largest number of pairs of a later row.
 MAX_PAIRS_PER_ROW = 128
-# Largest number of pairs that are searched at a time, 25 MB: after a long interval nearly every
-# particle may descend from every one of the set before.
-AT_ONCE = 1 << 20
 # Later row, earlier row and density of pairs; the later rows ascend.
 Pairs = tuple[IntArray, IntArray, FloatArray]
 
@@ -94,7 +91,9 @@ def _rated(
     matrix, log_determinant = whitener(noise)
     peak = np.exp(log_determinant - 0.5 * len(noise) * np.log(2.0 * np.pi))
     (sources,) = rate.nonzero()
-    query, step = state @ matrix.T, max(AT_ONCE // max(len(sources), 1), 1)
+    # At most a million pairs at a time, 25 MB: after a long interval nearly every particle may
+    # descend from every one of the set before.
+    query, step = state @ matrix.T, max((1 << 20) // max(len(sources), 1), 1)
     tree = spatial.cKDTree(successor[sources] @ matrix.T, balanced_tree=False)
     for begin in range(0, len(query), step):
         # Gate on the process noise, in standard deviations: with 6, single weights are off by 5 %,

@@ -14,11 +14,6 @@ from ...sensors.sensor import Sensor
 from ...state_space import Z
 from .blocks import copy_gaussian
 
-# Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
-# to the sensor.
-ITERATIONS = 5
-# An update has converged at a step below this share of the measurement's standard deviation.
-CONVERGED = 1e-2
 # Smallest eigenvalue of a correlation matrix; smaller and negative ones are rounding errors.
 LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
@@ -42,8 +37,8 @@ def innovations(
     measured: Measured,
     pairs: tuple[IntArray, IntArray] | None = None,
     modes: int = 1,
-    iterations: int = ITERATIONS,
-    converged: float = CONVERGED,
+    iterations: int = 5,
+    converged: float = 1e-2,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
@@ -62,7 +57,8 @@ def innovations(
         Number of consecutive Gaussians that form a group. `pairs` has the indices of groups, and
         each pair has an innovation for each Gaussian of its group, one after the other.
     iterations : int
-        Largest number of linearisations; 1 is the plain extended Kalman filter.
+        Largest number of linearisations; 1 is the plain extended Kalman filter. Two or three
+        suffice unless a target is next to the sensor.
     converged : float
         Step, as a share of the measurement's standard deviation, below which iteration ends.
 

@@ -31,8 +31,6 @@ from ..gaussians import HeavyTails, noise_covariance
 GATE_SIGMA = 5.0
 # Lower bound of the standard deviations of expected measurements, by which distances are divided.
 LEAST_STD = 1e-6
-# Number of candidate pairs of Gaussians and detections that are gated at a time.
-AT_ONCE = 1 << 16
 # Times of measurements that are all made at the stamp.
 NO_TIMES = np.zeros(0)
 
@@ -184,7 +182,8 @@ class Linearised:
         row = [np.zeros(0, np.int64)]
         column = [np.zeros(0, np.int64)]
         log_likelihood = [np.zeros((0, modes))]
-        step = max(AT_ONCE // max(modes * len(report), 1), 1)
+        # At most so many candidate pairs of Gaussians and detections are gated at a time.
+        step = max((1 << 16) // max(modes * len(report), 1), 1)
         for begin in range(0, len(weight), step):
             block = slice(begin, begin + step)
             error = report.detections.measurement - measured[block, :, None]
