@@ -450,7 +450,7 @@ def heights_from_the_side(record: Record, tracks: list[HeightLine]) -> Chart:
         for reach, y in _edges(site, farthest, top):
             x = scale.of_metres(reach).tolist()
             _add(figure, row, x, y, "limit", {"color": NEUTRAL, "width": 1.0, "dash": "dash"})
-    figure.update_layout(hovermode="closest")
+    figure.update_layout(hovermode="closest", meta="distance")
     caption = side_caption.format(source=source_of(record))
     return Chart("sides", "From the side of each radar", caption, figure)
 

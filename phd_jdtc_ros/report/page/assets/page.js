@@ -58,6 +58,11 @@ function squeeze({ layout }) {
   for (const note of layout.annotations || []) note.font.size = 11;
 }
 
+// Whether a chart's horizontal axis is the time.
+function isOfTime({ figure }) {
+  return figure.layout.meta !== "distance";
+}
+
 // The shown scan's time, as a line through all rows of a chart.
 function cursor(scan) {
   return [{ type: "line", xref: "x", yref: "paper", x0: run.times[scan], x1: run.times[scan],
@@ -82,7 +87,9 @@ function show(scan) {
 
 function moveCursors() {
   cursorTimer = null;
-  for (const chart of charts) Plotly.relayout(chart.element, { shapes: cursor(slider.value) });
+  for (const chart of charts.filter(isOfTime)) {
+    Plotly.relayout(chart.element, { shapes: cursor(slider.value) });
+  }
 }
 
 function nearest(time) {
@@ -135,12 +142,14 @@ async function draw() {
     document.head.append(library);
   }
   if (run.picture) await begin();
-  for (const { element, figure } of charts) {
+  for (const chart of charts) {
+    const { element, figure } = chart;
     paint(figure);
     if (narrow) squeeze(figure);
     await Plotly.newPlot(element, figure.data, figure.layout,
       { ...CONFIG, displayModeBar: !narrow && "hover" });
     await new Promise((next) => setTimeout(next)); // lets the browser show the chart
+    if (!isOfTime(chart)) continue;
     element.on("plotly_click", (event) => picture && go(nearest(event.points[0].x)));
   }
   if (picture) moveCursors();
