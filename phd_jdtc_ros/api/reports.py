@@ -202,16 +202,15 @@ def _of_clock(time_ns: IntArray, columns: Columns) -> str:
     steps = np.diff(time_ns)
     back, ahead = np.flatnonzero(steps < 0) + 1, steps[steps > 0]
     # Tables by target have more such steps, and each begins and ends with the others.
-    if not 1 <= len(back) <= 2 or -steps[back[0] - 1] <= 2.0 * np.median(ahead):
-        return ""
-    before, after = time_ns[: back[0]], time_ns[back[0] :]
-    if before.min() >= after.min() or before.max() >= after.max():
-        return ""
-    return (
-        f"steps back by {-steps[back[0] - 1] / 1e9:g} s in {place_of(columns, int(back[0]))}, and "
-        "otherwise ascends; rows of equal times on both sides are one scan. If a clock was set "
-        "back there, or two recordings are joined, track the parts one by one"
-    )
+    if len(ahead) and 1 <= len(back) <= 2 and -steps[back[0] - 1] > 2.0 * np.median(ahead):
+        before, after, where = *np.split(time_ns, back[:1]), place_of(columns, int(back[0]))
+        if before.min() < after.min() and before.max() < after.max():
+            return (
+                f"steps back by {-steps[back[0] - 1] / 1e9:g} s in {where}, and otherwise ascends; "
+                "rows of equal times on both sides are one scan. If a clock was set back there, or "
+                "two recordings are joined, track the parts one by one"
+            )
+    return ""
 
 
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:

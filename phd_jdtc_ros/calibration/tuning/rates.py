@@ -279,9 +279,7 @@ class Velocities(NamedTuple):
     """What the measured velocities or range rates of tracks show."""
 
     noise: Rate  # Standard deviation along each axis, m/s
-    # Ratio of the measured ones to the changes of position or range; 1 if their units agree, and
-    # NaN if hardly any target moves.
-    ratio: float
+    ratio: float  # Of them to the changes of place; 1 if units agree, NaN if hardly any moves
 
 
 def velocities(plots: Plots, tracks: Tracks, std: float) -> Velocities | None:
