@@ -329,8 +329,9 @@ class Motion:
     )
     turn_time_constant_s: float = parameter(
         0.0,
-        "Time constant with which the turn rate returns to zero, s: the usual length of a turn; 0 "
-        "for a rate that does not return. For coordinated turns only.",
+        "Time constant with which the turn rate returns to zero, s: the usual length of a turn, "
+        "which begins with a rate of the long run; 0 for a rate that does not return and begins "
+        "at zero. For coordinated turns only.",
         NOT_NEGATIVE,
     )
     vertical_noise_density: float = parameter(

@@ -16,6 +16,7 @@ import numpy as np
 from ..arrays import (
     Bool1,
     BoolArray,
+    Float1,
     Float2,
     Float3,
     Float4,
@@ -52,6 +53,8 @@ class Motion(NamedTuple):
     """Survival and motion of targets over I intervals."""
 
     turns: Bool1  # Whether each motion mode is a coordinated turn, (R,)
+    # Variance of the turn rate of targets that begin to turn, by motion mode after, (R,).
+    begun: Float1
     arc: Float3  # `motion.turn_arc` of each motion mode, (I, R, 4)
     survival: Float2  # Probability to survive, by motion mode before, (I, R)
     # Probability to survive and to change from the first mode of a pair to the second, (I, K).
@@ -241,7 +244,8 @@ class Dynamics:
             matrices = self._matrices(dt)
             arc = np.ascontiguousarray(modes.arc(dt)[:, flat])
             turns = read_only(self.turns, np.bool_)
-            motion = Motion(turns, arc, survival, change, noise, matrices)
+            begun = np.array([each.begun_turn_variance for each in self.motions])
+            motion = Motion(turns, begun, arc, survival, change, noise, matrices)
             cache[key] = Intervals(frozen(motion), snr)
         return cache[key]
 

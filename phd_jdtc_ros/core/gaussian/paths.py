@@ -58,10 +58,14 @@ def moved(samples: Samples, dt: float, modes: ModeSpace, rng: np.random.Generato
     chance = rng.random(len(samples.mode))
     mode = (chance[:, None] > below[samples.mode]).sum(axis=1)
     noise = rng.standard_normal(samples.state.shape)
-    root, state = _root(modes.noise(dt)), np.empty_like(samples.state)
+    root, state = _root(modes.noise(dt)), samples.state.copy()
+    turn_std = np.sqrt([motion.begun_turn_variance for motion in modes.motions])
+    straight = np.array([modes.space.turn_rate not in motion.support for motion in modes.motions])
+    begins = np.flatnonzero(straight[samples.mode] & (turn_std[mode] > 0.0))
+    state[begins, modes.space.turn_rate] = turn_std[mode[begins]] * rng.standard_normal(len(begins))
     for index, motion in enumerate(modes.motions):
         own = np.flatnonzero(mode == index)
-        state[own] = motion.mean(samples.state[own], dt) + noise[own] @ root[index].T
+        state[own] = motion.mean(state[own], dt) + noise[own] @ root[index].T
     return Samples(state, mode)
 
 

@@ -24,6 +24,7 @@ from ..compilation import (
     inner,
 )
 from ..snapshot import MAX_STATE, floats, integers
+from ..state_space import OMEGA
 from .algebra.blocks import (
     add_mean,
     add_spread,
@@ -98,7 +99,9 @@ class _Scratch(NamedTuple):
     spread: Float3  # Predicted covariance of each pair, (K, D, D)
     share: Float1  # Share of each pair in its later mode, (K,)
     total: Float1  # Weight of each later mode, (R,)
-    factor: Float2  # Factor of a predicted covariance that is not kept, (D, D)
+    # Factor of a predicted covariance that is not kept, and before, the covariance of a target that
+    # begins to turn, (D, D).
+    factor: Float2
     moved: Moved
 
 
@@ -172,7 +175,13 @@ def _write_pair(
     (mean, covariance), noise = gaussian, motion.noise[interval, mode]
     moved, gain, base = scratch.moved, later.gain[pair_row], later.base[pair_row]
     spread, transition = scratch.spread[pair], motion.transition[interval, mode]
-    move(mean, covariance, transition, motion.turns[mode], motion.arc[interval, mode], moved)
+    before = covariance
+    if motion.begun[mode] > 0.0 and covariance[OMEGA, OMEGA] == 0.0:
+        before = scratch.factor
+        for i in range(SIZE):
+            write(covariance[i], before[i])
+        before[OMEGA, OMEGA] = motion.begun[mode]
+    move(mean, before, transition, motion.turns[mode], motion.arc[interval, mode], moved)
     for i in range(SIZE):
         later.pair_mean[pair_row, i] = moved.mean[i]
         for k in range(i + 1):

@@ -55,6 +55,11 @@ class MotionModel(ABC):
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
 
+    @property
+    def begun_turn_variance(self) -> float:
+        """Variance of the turn rate of a target that begins this motion without one."""
+        return 0.0
+
     def arc(self, dt: FloatArray | float) -> FloatArray:
         """Return the `turn_arc` of intervals in seconds, (...) to (..., 4)."""
         return turn_arc(dt, 0.0)
@@ -225,6 +230,11 @@ class CoordinatedTurn(MotionModel):
         predicted[..., OMEGA] = decay * omega
         _climb(predicted, dt)
         return predicted
+
+    @property
+    def begun_turn_variance(self) -> float:
+        """See `MotionModel`. That of the turn rate in the long run."""
+        return 0.5 * self.turn_time_constant_s * self.turn_noise_density
 
     def arc(self, dt: FloatArray | float) -> FloatArray:
         """See `MotionModel`."""

@@ -28,6 +28,7 @@ from phd_jdtc_ros.core.gaussian.reacquisition import (
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.smoothing.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.tracks import track_numbers
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -165,9 +166,11 @@ def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
     np.testing.assert_allclose(found.mean[:, 0, 0], MEAN[0] + MEAN[1] * np.array([6, 6, 12, 12.0]))
 
 
+@pytest.mark.parametrize("time_constant_s", [0.0, 40.0], ids=["walk", "returns"])
 @pytest.mark.parametrize("motions", [[0], [1]], ids=["straight", "turning"])
-def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions):
-    dynamics = Dynamics(lone(TWO_MOTIONS).model)
+def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions, time_constant_s):
+    given = {**TWO_MOTIONS, "ct.turn_time_constant_s": time_constant_s}
+    dynamics = Dynamics(lone(given).model)
     rng = np.random.default_rng(2)
     mixture = mixture_of(dynamics, [(0.8, MEAN, STD)])
     weight = np.zeros_like(mixture.weight)
@@ -181,14 +184,18 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
     for pair in np.flatnonzero(moves.place[0] >= 0):
         at, motion = moves.place[0, pair], dynamics.motions[after_of[pair]]
         mode = before_of[pair]
-        before = textbook.Normal(mixture.mean[0, mode], mixture.covariance[0, mode])
+        covariance = mixture.covariance[0, mode].copy()
+        if mode == 0 and after_of[pair] == 1:  # a turn begins, at a rate of the long run
+            covariance[OMEGA, OMEGA] = time_constant_s / 2.0 * motion.turn_noise_density
+        before = textbook.Normal(mixture.mean[0, mode], covariance)
         predicted, gain = textbook.predict(before, motion, 6.0)
+        gain *= dynamics.supported[mode][:, None]  # the rate is no part of the state before
         scale = np.sqrt(np.maximum(np.diag(before.covariance), 1e-12))
         np.testing.assert_allclose(moves.mean[at], predicted.mean, atol=1e-12)
         np.testing.assert_allclose(
             moves.gain[at] / scale[:, None] * scale, gain / scale[:, None] * scale, atol=1e-6
         )
-        right = before.covariance - gain @ predicted.covariance @ gain.T
+        right = mixture.covariance[0, mode] - gain @ predicted.covariance @ gain.T
         unit = scale[:, None] * scale
         np.testing.assert_allclose(moves.base[at] / unit, right / unit, atol=1e-6)
 
