@@ -34,8 +34,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
     calm = max(noise.densities[0], floor, LEAST_DENSITY)
-    # Least ratio of the manoeuvres' density to the density at constant velocity.
-    hard = max(noise.densities[1], 20.0 * calm)
+    hard = max(noise.densities[1], calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),
