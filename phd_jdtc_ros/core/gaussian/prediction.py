@@ -99,9 +99,7 @@ class _Scratch(NamedTuple):
     spread: Float3  # Predicted covariance of each pair, (K, D, D)
     share: Float1  # Share of each pair in its later mode, (K,)
     total: Float1  # Weight of each later mode, (R,)
-    # Factor of a predicted covariance that is not kept, and before, the covariance of a target that
-    # begins to turn, (D, D).
-    factor: Float2
+    factor: Float2  # First the covariance of a begun turn, then a factor that is not kept, (D, D)
     moved: Moved
 
 
