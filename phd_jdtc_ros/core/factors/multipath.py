@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..arrays import FloatArray, wrap_angle, zeros_field
-from ..sensors.polar_gate import DETECTION_GATE_SIGMA
+from ..sensors.point_gate import DETECTION_GATE_SIGMA
 from ..sensors.polar_radar import polar_radars
 from ..sensors.view import View
 from .factor import Factor, Targets

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only, wrap_angle
 from ..types import Detections
-from . import polar_gate, polar_geometry
+from . import point_gate, polar_geometry
 from .gaussians import PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
@@ -153,8 +153,8 @@ class RadarModel(Sensor):
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections
     ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
-        return polar_gate.gated_pairs(predicted, detections, self.noise_std_of(detections))
+        """Return the pairs of points and detections in the gate; see `point_gate.gated_pairs`."""
+        return point_gate.gated_pairs(predicted, detections, self.noise_std_of(detections))
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:

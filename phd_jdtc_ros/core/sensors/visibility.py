@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from ..arrays import TINY, BoolArray, FloatArray, IntArray, wrap_angle
 from ..types import FULL_TURN, Coverage, Detections
-from .polar_gate import DETECTION_GATE_SIGMA
+from .point_gate import DETECTION_GATE_SIGMA
 from .polar_geometry import MIN_RANGE
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scenes import small
 
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
+from phd_jdtc_ros.core.sensors.point_gate import DETECTION_GATE_SIGMA
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability

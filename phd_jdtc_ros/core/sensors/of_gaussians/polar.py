@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import TINY, BoolArray, FloatArray, IntArray, frozen, read_only
 from ...compilation import Float3, Float4, compiled, inner
 from ...types import FULL_TURN, Detections
-from ..polar_gate import candidate_count
+from ..point_gate import candidate_count
 from ..polar_geometry import MIN_RANGE
 from . import polar_gate
 from .angles import angle_of
@@ -49,7 +49,7 @@ class PolarGaussians(Linearised):
         return frozen(_expected_measurements(self._radar, mean, covariance))
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return the number of candidate pairs; see `polar_gate.candidate_count`."""
+        """Return the number of candidate pairs; see `point_gate.candidate_count`."""
         return candidate_count(predicted, detections, self.sensor.noise_std)
 
     def is_nearly_normal(self, std: FloatArray) -> BoolArray:

@@ -12,7 +12,7 @@ import numpy as np
 from ...arrays import TINY, BoolArray, FloatArray, IntArray, frozen, read_only
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from ...types import Detections
-from ..polar_gate import candidate_count
+from ..point_gate import candidate_count
 from ..polar_geometry import MIN_RANGE
 from .angles import wrapped
 from .linearised import (
@@ -76,7 +76,7 @@ class SpatialGaussians(Linearised):
         return frozen(_expected_measurements(self._antenna, mean, covariance))
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return the number of candidate pairs; see `polar_gate.candidate_count`."""
+        """Return the number of candidate pairs; see `point_gate.candidate_count`."""
         return candidate_count(predicted, detections, self.sensor.noise_std)
 
     def is_nearly_normal(self, std: FloatArray) -> BoolArray:

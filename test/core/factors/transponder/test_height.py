@@ -9,7 +9,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.factors.transponder import height, reprojection
 from phd_jdtc_ros.core.factors.transponder.height import HeightModel, Heights
 from phd_jdtc_ros.core.factors.transponder.history import History
-from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
+from phd_jdtc_ros.core.sensors.point_gate import DETECTION_GATE_SIGMA
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import Detections
 
