@@ -1,6 +1,7 @@
-"""How much ADS-B improves the tracks of a biased radar: of aircraft that have it, and of others.
+"""How much ADS-B improves the tracks of a radar: of aircraft that have it, and of others.
 
-The scenario `approach_adsb` is simulated and tracked twice, with its receiver and without it. An
+The scenario `approach_adsb` is simulated and tracked twice, with its receiver and without it. The
+radar's biases are known to the tracker, as after `register`, or with `--biased` they are not. An
 estimate belongs to the nearest target, by assignment within `CUTOFF`, at the times of the truth.
 """
 
@@ -17,6 +18,7 @@ from rich.table import Table
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.track_bag import track_bag
@@ -44,6 +46,11 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         if simulate.main(words):
             raise StudyError(f"{SCENARIO}: not simulated")
         values = bag_parameters.read(bag) or {}
+        if not arguments.biased:
+            ((radar, bias),) = document["biases"].items()
+            # Azimuths of this radar count counter-clockwise.
+            own = [bias["range_bias"], 0.0, -bias["azimuth_bias_deg"], 0.0]
+            values |= {f"{radar}.biases": own}
         for name in RUNS:
             sensors = values["sensors"][: len(values["sensors"]) if name == JOINT else 1]
             kept = {
@@ -82,6 +89,10 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     return figures
 
 
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("--biased", action="store_true", help="the tracker knows no bias")
+
+
 def _tables(figures: Figures) -> Sequence[Table | str]:
     half = figures.get("half_width", {})
     rows = []
@@ -115,4 +126,5 @@ STUDY = Study(
     goals=_goals,
     seed=700,
     runs=12,
+    add_arguments=_add_arguments,
 )

@@ -302,7 +302,10 @@ class Scores:
         lies = named & (told.address == liar) & (now_s > LIES_S)
         # A lie of some seconds is within the errors.
         known = named & np.isfinite(doubt) & (now_s > SETTLING_S)
-        known &= (told.reason != LEFT) & ~(lies & (now_s < LIES_S + LIKE_TRUTH_S))
+        # A ship that her source has left is named by it, and is where the radar has her.
+        known &= ((told.alone == 1) | (told.reason != LEFT)) & ~(
+            lies & (now_s < LIES_S + LIKE_TRUTH_S)
+        )
         self.figures["doubt_said"] += doubt[known].tolist()
         self.figures["doubt_true"] += lies[known].tolist()
         heard = set(told.address[named].tolist()) - ({liar} if now_s > LIES_S else set())
