@@ -113,7 +113,7 @@ def test_updates_that_stop_early_are_as_near_to_the_most_probable_state_as_they_
     expected, expected_smoothed = textbook_run(config, EVEN, measured, 0.0 * EVEN, iterations=50)
     for found, right in zip([*filtered, *smoothed], [*expected, *expected_smoothed], strict=True):
         np.testing.assert_allclose(
-            found.position[0], right.mean[[0, 2]], atol=10.0 * kalman.CONVERGED * radar.range_std
+            found.position[0], right.mean[[0, 2]], atol=10.0 * 1e-2 * radar.range_std
         )
 
 
