@@ -126,11 +126,13 @@ coverage: $(VENV)/.ready-test
 	$(RUN) -m coverage report --fail-under=90
 	$(RUN) -m coverage report --include='phd_jdtc_ros/c*/*,phd_jdtc_ros/evaluation/*,phd_jdtc_ros/simulation/*,msg_adapters/*' --fail-under=95
 
-# The least share of the branches of the core that its own tests take: it only rises.
-BRANCHES := 0
+# The least share of the lines and branches of the core that its own tests take, in per cent. It only
+# rises; this is what the first third of the tests takes, as all of them were not yet measured.
+BRANCHES := 74.4
 
 branches: $(VENV)/.ready-test
 	@$(INSTALL) -e '.[coverage]' || $(NOT_INSTALLED)
+	@mkdir -p out
 	$(RUN) -m coverage run --branch --source=phd_jdtc_ros/core --data-file=out/branches \
 	    -m pytest -q test/core
 	$(RUN) -m coverage combine --quiet --data-file=out/branches out
