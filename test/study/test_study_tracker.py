@@ -6,6 +6,7 @@ import pytest
 from inner import resolve
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import tasks as study_tasks
 from phd_jdtc_ros.study.metrics import VALUES
@@ -118,12 +119,13 @@ def test_identities_make_no_more_switches_than_none(goal):
 
 
 def test_targets_out_of_sight_have_their_most_probable_motion_as_the_trackers():
-    """Straight flight and turns of both signs are several humps once no radar reports."""
+    """Straight flight and turns of both signs are several humps once no radar is near."""
     motions = {"motions": ["cv", "ct"], "ct.turn_noise_density": 1e-3, "accuracy": "high"}
     config = resolve(motions)
     run = simulated_run(replace(paper_scenario(config.model.radars), scans=SCANS), SEED)
-    dark = [replace(scan, detections=(None,) * len(scan.detections)) for scan in run.scans[4:]]
-    run = replace(run, scans=(*run.scans[:4], *dark))
+    away = Detections(np.zeros((0, 2)), np.zeros(0), pose=Pose((1e6, 1e6), 0.0))
+    blind = [replace(scan, detections=(away,) * len(scan.detections)) for scan in run.scans[4:]]
+    run = replace(run, scans=(*run.scans[:4], *blind))
     found = track(run, config, [0])[0]
     expected, _ = engine_positions(run, 0, motions)
     assert any(len(points.position) for points in found[7:])
