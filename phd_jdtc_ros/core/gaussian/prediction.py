@@ -24,7 +24,6 @@ from ..compilation import (
     inner,
 )
 from ..snapshot import MAX_STATE, floats, integers
-from ..state_space import OMEGA
 from .algebra.blocks import (
     add_mean,
     add_spread,
@@ -35,7 +34,7 @@ from .algebra.blocks import (
     solve,
     write,
 )
-from .algebra.curvature import Moved, move, new_moved
+from .algebra.curvature import OMEGA, Moved, move, new_moved
 from .dynamics import Dynamics, ModePairs, Motion
 from .mixture import Gaussians, Mixture
 
