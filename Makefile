@@ -61,7 +61,7 @@ $(VENV)/.made:
 $(VENV)/.ready: $(VENV)/.made setup.py $(CONSTRAINTS)
 	@echo "installing into $(VENV) ..."
 	@$(INSTALL) -e '.$(EXTRAS)' || $(NOT_INSTALLED)
-	@echo "compiling the engines, some forty seconds ..."
+	@echo "compiling the engines, a minute or two ..."
 	@$(RUN) -m phd_jdtc_ros compile_engines
 	@touch $@
 

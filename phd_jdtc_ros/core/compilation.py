@@ -160,7 +160,7 @@ def _announce() -> None:
     for notify in ON_COMPILATION:
         notify()
     logging.getLogger(__name__).warning(
-        "compiling the tracker, once for each installation: it takes some forty seconds; "
+        "compiling the tracker, once for each installation: it takes about a minute; "
         "compile_engines does it beforehand"
     )
 
