@@ -30,13 +30,14 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.transponder import Transponders
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study.results import Mean
+from phd_jdtc_ros.tally import Tally
 
 from . import runner
 from .runner import Figures, Goal, Study

@@ -50,12 +50,13 @@ from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet, TrueTra
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
 from phd_jdtc_ros.report.load import input_types
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 from phd_jdtc_ros.study.tracker import SimulatedRun
+from phd_jdtc_ros.tally import Tally
 
 from .autoferry import bags as ferry
 from .autoferry import recording as dataset

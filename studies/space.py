@@ -30,12 +30,13 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates, Scan, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign, distances, ospa_of_distances
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.targets import Flight, Leg
+from phd_jdtc_ros.tally import Tally
 
 from .runner import Figures, Study, cell, table
 

@@ -25,7 +25,8 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
-from phd_jdtc_ros.feed import DetectionCounts, Feed, Monitor, Tally
+from phd_jdtc_ros.feed import Feed, Monitor
+from phd_jdtc_ros.tally import DetectionCounts, Tally
 
 from .parameters import Parameters
 from .reports import TIME, everywhere, report_of, reports_of, told_of

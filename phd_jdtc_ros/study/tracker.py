@@ -27,10 +27,11 @@ from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.types import COASTING, FILTERED, SMOOTHED, SOURCES, Estimates, Scan, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
+from phd_jdtc_ros.tally import Tally
 
 
 class IgnoredTargets(NamedTuple):

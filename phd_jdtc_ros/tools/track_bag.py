@@ -39,13 +39,14 @@ from phd_jdtc_ros.core.tracks.manual import Command
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.evaluation.evaluation import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
-from phd_jdtc_ros.feed import Feed, StepClock, Tally
+from phd_jdtc_ros.feed import Feed, StepClock
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report import track_files
 from phd_jdtc_ros.report.load import by_stamp, input_types
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
+from phd_jdtc_ros.tally import Tally
 
 from . import command, recorded_plots
 

@@ -28,10 +28,11 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Estimates, SelfReports
 from phd_jdtc_ros.core.types.reports import ALARM, LEFT, MMSI, Reported
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
+from phd_jdtc_ros.tally import Tally
 
 from .. import runner
 from ..runner import Figures, Study

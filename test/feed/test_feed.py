@@ -10,7 +10,8 @@ from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.intake.posed_reports import RadarPose
 from phd_jdtc_ros.core.pipeline import Drops
 from phd_jdtc_ros.core.types import Detections, Pose
-from phd_jdtc_ros.feed import DetectionCounts, Feed, StepClock, Tally
+from phd_jdtc_ros.feed import Feed, StepClock
+from phd_jdtc_ros.tally import DetectionCounts, Tally
 
 MOVING = {"radar_1.pose": "/ship", "radar_2.pose": "/ship"}
 

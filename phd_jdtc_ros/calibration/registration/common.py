@@ -18,10 +18,10 @@ from itertools import combinations
 
 import numpy as np
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 
-from ..tuning import kinematics
 from .tracked_radars import TrackedRadar
 
 # Interval of the comparison in scans of the slowest radar, largest number of times, and least

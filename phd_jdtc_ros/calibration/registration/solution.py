@@ -7,10 +7,10 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
-from ..tuning import kinematics
 from .common import (
     KINDS,
     UNITS,

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.calibration.tuning.tracks import Tracks, link_plots
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import UNKNOWN, SelfReports
 
-from ..tuning import kinematics
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of

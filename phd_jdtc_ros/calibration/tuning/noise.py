@@ -22,13 +22,12 @@ from itertools import product
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from phd_jdtc_ros.calibration import innovations
+from phd_jdtc_ros.calibration import innovations, kinematics
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.position import PositionSensor
 
-from . import kinematics
 from .plots import Plots
 from .tracks import GATE, NoiseModel, Tracks
 
@@ -238,7 +237,7 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     azimuth, of the lower density, and of the ratio of the higher density to it.
     """
     # Numba is loaded with the loops when they are needed.
-    from .linking import Plots, Points, filter_tracks
+    from .likelihood import Plots, Points, filter_tracks
 
     variance = np.exp(2.0 * points[:, :2])
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.input_checks import (
     COPIED_DETECTIONS,
@@ -20,8 +21,6 @@ from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.sensors.polar_geometry import to_plane
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
-
-from . import kinematics
 
 # More plots take longer and hardly sharpen the estimates, but targets are found in several clouds.
 MOST_PLOTS, LEAST_CLOUDS = 15_000, 10

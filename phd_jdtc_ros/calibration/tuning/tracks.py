@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 
-from . import kinematics
 from .plots import Plots
 from .rotation import Timing
 

@@ -8,8 +8,9 @@ import pytest
 from plot_recordings import one_target, recorded
 from scipy.optimize import linear_sum_assignment
 
+from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.calibration.tuning import findings as estimation
-from phd_jdtc_ros.calibration.tuning import kinematics, linking, noise
+from phd_jdtc_ros.calibration.tuning import linking, noise
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, find_outliers, fit_noise

@@ -5,7 +5,8 @@ import pytest
 import street
 from numpy.testing import assert_allclose
 
-from phd_jdtc_ros.calibration.tuning import kinematics, proposal
+from phd_jdtc_ros.calibration import kinematics
+from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.calibration.tuning.rates import area_of

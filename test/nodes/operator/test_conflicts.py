@@ -13,7 +13,8 @@ from msg_adapters.outgoing import conflicts
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.tracks.manual import Manual
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
+from phd_jdtc_ros.tally import Tally
 
 # Two of the reference scenario's targets fly side by side, 700 m apart.
 GIVEN = {"conflicts.distance": [900.0], "conflicts.horizon_s": 60.0}

@@ -19,7 +19,8 @@ from msg_adapters.outgoing import manual
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.tracks.manual import Command
-from phd_jdtc_ros.feed import Feed, Tally
+from phd_jdtc_ros.feed import Feed
+from phd_jdtc_ros.tally import Tally
 
 PLACE = (5000.0, -6000.0)
 
