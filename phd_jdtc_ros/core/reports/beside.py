@@ -13,7 +13,7 @@ from ..types.reports import NAME_SIZE, SelfReports
 from . import judgement, silence
 from .batches import Tables, batch_of, chains_of, describe_sources, selected
 from .looks import moments, take_look
-from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver
+from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver, Reliability
 from .owners import NUMBERED, OWN_LABELS, owner_probabilities, with_public
 from .pairs import Assumed, Used, adopted, take_reports
 from .smoothing import MAX_LINKS, links_of, mixture
@@ -51,13 +51,16 @@ class SelfReporting(LayerState):
     """The layer after some scan; its methods return the layer after what they are named for."""
 
     @staticmethod
-    def of(receivers: tuple[Receiver, ...], noise_density: float, classes: int) -> SelfReporting:
+    def of(
+        receivers: tuple[Receiver, ...], noise_density: float, classes: int, look_s: float
+    ) -> SelfReporting:
         """Return the layer before any report."""
         count, none = len(receivers), np.zeros(0, dtype=np.int64)
         return SelfReporting(
             receivers,
             noise_density,
             classes,
+            look_s,
             Sources.none(),
             Pairs.none(),
             Tracks.none(classes),
@@ -91,7 +94,7 @@ class SelfReporting(LayerState):
         used, source_of = take_reports(
             batch,
             layer._assumed,
-            RELIABILITY._replace(noise_density=layer.noise_density),
+            layer._rules,
             layer.tracks,
             Used(len(known.number), len(pairs.number), *layer.learned.next.tolist()),
             tables,
@@ -119,12 +122,15 @@ class SelfReporting(LayerState):
         return layer._kept()._with_owners(stamp_ns)._heard_at(kept)
 
     @property
+    def _rules(self) -> Reliability:
+        return RELIABILITY._replace(noise_density=self.noise_density)
+
+    @property
     def _assumed(self) -> Assumed:
         habits = [each.habits for each in self.receivers]
         return frozen(
             Assumed(
                 np.array([each.offset_std for each in self.receivers]),
-                np.array([each.noise_density for each in habits]),
                 np.log([each.area for each in habits]),
                 2.0 * np.log([2.0 * each.fastest for each in habits]),
             )
@@ -276,7 +282,7 @@ class SelfReporting(LayerState):
             new,
             stamp_ns,
             self._assumed,
-            self.noise_density,
+            self._rules,
             int(self.learned.next[1]),
         )
         numbers = np.array([self.learned.next[0], next_pair])

@@ -12,6 +12,7 @@ from ..types.reports import LEFT, NO_REASON, SHARED, UNCONFIRMED, Reported
 from . import silence
 from .batches import keys_of
 from .filters import moved
+from .model import RELIABILITY
 from .owners import OWN_LABELS
 from .tables import LayerState, Sources
 
@@ -214,11 +215,11 @@ def _alone(layer: LayerState, estimates: Estimates) -> Estimates | None:
     first_ns = np.where(is_doubtful, sources.first_ns[row], 0)
     columns["since_ns"] = np.where(has_left, left_ns, first_ns)
     classes = layer.classes
-    state_of = np.where(
-        (age_s[row] > 2.0 * interval_s[row]) & ~is_doubtful,
-        COASTING,
-        # Where a radar looks, it will confirm the source or not.
-        np.where((stamp_ns - sources.looked_ns[row]) * 1e-9 > SHOWN_S, CONFIRMED, TENTATIVE),
+    # Where a radar looks, or will within two turns, it will confirm the source or not.
+    unseen = (stamp_ns - sources.looked_ns[row]) * 1e-9 > SHOWN_S
+    unseen &= (stamp_ns - sources.first_ns[row]) * 1e-9 > 2.0 * layer.look_s
+    state_of = np.select(
+        [~unseen, age_s[row] > 2.0 * interval_s[row]], [TENTATIVE, COASTING], CONFIRMED
     )
     attributes = None
     if estimates.attributes is not None:
@@ -252,10 +253,8 @@ def _ghosts(
     """Return the states of sources at the estimates' stamp, with covariances."""
     sources, space = layer.sources, estimates.space
     dt = (estimates.stamp_ns - sources.last_ns[row]).astype(np.float64) * 1e-9
-    density = np.array([each.habits.noise_density for each in layer.receivers])
-    mean, spread = moved(
-        sources.mean[row, :4], sources.covariance[row, :4, :4], dt, density[sources.receiver[row]]
-    )
+    density = RELIABILITY.unsteady * layer.noise_density
+    mean, spread = moved(sources.mean[row, :4], sources.covariance[row, :4, :4], dt, density)
     axes = space.planar_axes
     state = np.zeros((len(row), len(space)))
     state[:, axes] = mean

@@ -18,8 +18,6 @@ class Habits(NamedTuple):
 
     fastest: float  # Half of the span of false velocities, metres per second
     area: float  # Area over which the reports of unknown sources are uniform, square metres
-    # Spectral density of the acceleration of sources, which false ones exceed, m^2/s^3.
-    noise_density: float
     velocity_std: float  # Of reported velocities along each axis, metres per second
     # Standard deviations of positions along each axis without one of their own, metres: of those
     # that are said to be accurate, and of others.
@@ -38,8 +36,8 @@ class Habits(NamedTuple):
 
 # AIS sends times in whole seconds, and its accuracy flag means 10 m (95 %); class B sends every
 # 30 s. See ITU-R M.1371.
-AIS = Habits(8.0, 1e8, 0.1, 0.4, 4.0, 12.0, 1.0, 2000.0, 0.05, 30.0, 0.01, 20.0)
-AIRCRAFT = Habits(250.0, 1e10, 2.0, 1.0, 20.0, 50.0, 0.0, 20_000.0, 0.0, 1.0, 0.015, 10.0)
+AIS = Habits(8.0, 1e8, 0.4, 4.0, 12.0, 1.0, 2000.0, 0.05, 30.0, 0.01, 20.0)
+AIRCRAFT = Habits(250.0, 1e10, 1.0, 20.0, 50.0, 0.0, 20_000.0, 0.0, 1.0, 0.015, 10.0)
 HABITS = {ICAO: AIRCRAFT, MMSI: AIS}
 
 
@@ -120,6 +118,9 @@ class Reliability(NamedTuple):
     own_gate: float = 40.0  # The same of a source's own reports
     jumps: float = 1e-3  # Share of a source's reports that are anywhere
     noise_density: float = 0.0  # Spectral density of the tracks' acceleration, m^2/s^3
+    # That of wrong sources relative to it. They may move as no target does; were they steadier than
+    # tracks, each report of a straight way would be evidence against its owner.
+    unsteady: float = 5.0
 
 
 RELIABILITY = Reliability()

@@ -11,7 +11,7 @@ from ..arrays import FloatArray, IntArray, frozen
 from ..compilation import Float1, Writeable, compiled, inner
 from .batches import Batch, Tables
 from .filters import State, moved, observe, predict
-from .model import MOST_PAIRS, RELIABILITY, Reliability
+from .model import MOST_PAIRS, Reliability
 from .pair_filter import update_pairs, write_matrix, write_noise, write_pair
 from .tables import Pairs, Sources, Tracks, extended
 
@@ -42,7 +42,6 @@ class Assumed(NamedTuple):
     """What is assumed of the transmitters of each receiver, (K,)."""
 
     offset_std: Float1
-    noise_density: Float1  # Of ghosts
     log_area: Float1  # Log of the area of unknown sources
     log_speeds: Float1  # Log of the area of their velocities
 
@@ -87,14 +86,14 @@ def _find(
     batch: Batch,
     report: int,
     assumed: Assumed,
-    gate: float,
+    rules: Reliability,
     tables: Writeable[Tables],
     best: Writeable[State],
 ) -> Found:
     """Return the source of a report, and write its ghost after the report."""
     sources, _, chains = tables
     time_ns, z, receiver = batch.time_ns[report], batch.measured[report], batch.receiver[report]
-    density, size = assumed.noise_density[receiver], batch.components[report]
+    density, size = rules.unsteady * rules.noise_density, batch.components[report]
     found, best_log, count, oldest = -1, -np.inf, 0, -1
     matrix, noise = np.zeros((4, 6)), np.empty((4, 4))
     state, speeds = _new_state(6), math.exp(0.5 * assumed.log_speeds[receiver])
@@ -119,7 +118,7 @@ def _find(
             _write_own_matrix(matrix, late_s)
             write_noise(noise, batch.noise[report], late_s, density)
             log_likelihood, square = observe(state, z, matrix, noise, size)
-            if square < gate and log_likelihood > best_log:
+            if square < rules.own_gate and log_likelihood > best_log:
                 found, best_log = row, log_likelihood
                 _copy(state, best)
         row = chains.following[row]
@@ -128,11 +127,18 @@ def _find(
 
 @inner
 def _write_source(
-    batch: Batch, report: int, row: int, number: int, assumed: Assumed, sources: Sources
+    batch: Batch,
+    report: int,
+    row: int,
+    number: int,
+    variances: tuple[float, float],
+    sources: Sources,
 ) -> None:
-    """Write a new source into a row."""
-    log_speeds = assumed.log_speeds[batch.receiver[report]]
-    density = assumed.noise_density[batch.receiver[report]]
+    """Write a new source into a row.
+
+    `variances` are those of its velocity if it says none, and of how untrue it is if it does.
+    """
+    unknown, untrue = variances
     sources.number[row] = number
     sources.first_ns[row] = sources.last_ns[row] = batch.time_ns[report]
     sources.gap_s[row] = batch.gap_s[report]
@@ -147,13 +153,12 @@ def _write_source(
             known = i < size and k < size
             covariance[i, k] = batch.noise[report, i, k] if known else 0.0
     for i in range(2):
-        untrue = UNTRUE_S * density
         covariance[i + 4, i + 4] = untrue
         if size == 4:
             covariance[i + 2, i + 2] += untrue
             covariance[i + 2, i + 4] = covariance[i + 4, i + 2] = -untrue
         else:
-            covariance[i + 2, i + 2] = math.exp(log_speeds) / 4.0
+            covariance[i + 2, i + 2] = unknown
 
 
 @compiled
@@ -256,9 +261,7 @@ def take_reports(
     for report in range(len(batch.time_ns)):
         time_ns, receiver = batch.time_ns[report], batch.receiver[report]
         chain, log_speeds = batch.chain[report], assumed.log_speeds[receiver]
-        row, log_ghost, of_address, oldest = _find(
-            batch, report, assumed, rules.own_gate, tables, ghost
-        )
+        row, log_ghost, of_address, oldest = _find(batch, report, assumed, rules, tables, ghost)
         if row == -2:
             continue
         uniform = -assumed.log_area[receiver]
@@ -287,7 +290,9 @@ def take_reports(
                 chains.first[chain] = row
             else:
                 continue
-            _write_source(batch, report, row, next_source, assumed, sources)
+            untrue = UNTRUE_S * rules.unsteady * rules.noise_density
+            variances = math.exp(log_speeds) / 4.0, untrue
+            _write_source(batch, report, row, next_source, variances, sources)
             next_source += 1
         source_of[report] = row
         sources.receiver[row] = receiver
@@ -311,7 +316,7 @@ def adopted(
     new: IntArray,
     stamp_ns: int,
     assumed: Assumed,
-    noise_density: float,
+    rules: Reliability,
     number: int,
 ) -> tuple[Pairs, Tracks, int]:
     """Return the pairs, the tracks and the next number of a pair, with pairs of new tracks.
@@ -329,7 +334,7 @@ def adopted(
     (free,) = ((age_s < RECENT_S) & (owned < 0.5) & (count < MOST_PAIRS)).nonzero()
     age_s, receiver = age_s[free], sources.receiver[free]
     mean, spread = sources.mean[free, :4], sources.covariance[free, :4, :4]
-    mean, spread = moved(mean, spread, age_s, assumed.noise_density[receiver])
+    mean, spread = moved(mean, spread, age_s, rules.unsteady * rules.noise_density)
     spread[:, [0, 1], [0, 1]] += assumed.offset_std[receiver, None] ** 2
     uniform = assumed.log_area[receiver] + assumed.log_speeds[receiver]
     heard_ns, heard = tracks.heard_ns.copy(), tracks.heard.copy()
@@ -340,7 +345,7 @@ def adopted(
         total = spread + tracks.covariance[track]
         square = np.einsum("ni,ni->n", error, np.linalg.solve(total, error[:, :, None])[:, :, 0])
         log_weight = uniform - 0.5 * (square + np.linalg.slogdet(2.0 * np.pi * total)[1])
-        for index in np.flatnonzero(square < RELIABILITY.gate).tolist():
+        for index in np.flatnonzero(square < rules.gate).tolist():
             source = int(free[index])
             if int(sources.number[source]) in paired:
                 continue

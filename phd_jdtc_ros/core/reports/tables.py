@@ -204,6 +204,8 @@ class LayerState(ReadOnly):
     # Spectral density of the tracks' acceleration, m^2/s^3.
     noise_density: float
     classes: int
+    # Time in which the slowest radar looks everywhere, seconds; 0 without a radar.
+    look_s: float
     sources: Sources
     pairs: Pairs
     tracks: Tracks

@@ -13,6 +13,7 @@ from ..models.tracker_model import TrackerModel
 from ..reports.tables import Layer, Look, Rows
 from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
+from ..tracks.reporting_rule import slowest_s
 
 # Detection probability from which a target at a place should have been seen within some looks.
 LEAST_DETECTION = 0.3
@@ -27,7 +28,8 @@ def layer_of(model: TrackerModel) -> Layer | None:
     # This compiles its functions, which no other tracker needs.
     from ..reports.beside import SelfReporting
 
-    return SelfReporting.of(model.receivers, model.noise_density, len(model.modes.classes))
+    look_s = slowest_s(model) if model.radars else 0.0
+    return SelfReporting.of(model.receivers, model.noise_density, len(model.modes.classes), look_s)
 
 
 def after_look(layer: Layer, view: View, prior: PriorMixture, posterior: Posterior) -> Layer:

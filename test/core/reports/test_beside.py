@@ -25,7 +25,7 @@ from runs import stored_and_read
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import TENTATIVE, SelfReports
-from phd_jdtc_ros.core.types.reports import ALARM, LEFT, MMSI, SHARED
+from phd_jdtc_ros.core.types.reports import ALARM, ICAO, LEFT, MMSI, SHARED
 
 
 def fed(pipeline, scene, reports=lambda turn: turn.reports):
@@ -89,6 +89,44 @@ def test_equipped_ships_are_more_accurate_and_their_antennas_known():
     assert rms[DARK] == alone[DARK]
     last, place = tracked()[2][-1], tracked()[1][-1].truth[KINDS.index(OK)]
     assert last.reports.offset[nearest(last, place), 0] == pytest.approx(OFFSET, abs=15.0)
+
+
+def frequent(scene, seed=1):
+    """Return what the ships of straight ways would report of themselves every half a second."""
+    rng, velocity = np.random.default_rng(seed), (scene[1].truth - scene[0].truth) / TURN_S
+
+    def told(turn):
+        late_s, ship = np.repeat(np.arange(5) / 2.0, len(velocity)), np.tile([*range(6)], 5)
+        place = turn.truth[ship] - late_s[:, None] * velocity[ship]
+        return SelfReports.of(
+            turn.stamp_ns - (late_s * 1e9).astype(np.int64),
+            place + rng.normal(0.0, 8.0, place.shape),
+            velocity=velocity[ship] + rng.normal(0.0, 0.2, place.shape),
+            address=1001 + ship,
+            space=np.full(len(ship), MMSI),
+        )
+
+    return told
+
+
+def test_straight_ways_are_no_evidence_against_owners():
+    """Tracks that may turn hard expect reports of a steady ship less well than its last ones do."""
+    pipeline, scene = new_pipeline(configured({"cv.noise_density": 4.0})), turns(5, 150.0, [OK] * 6)
+    filtered, _ = fed(pipeline, scene, frequent(scene))
+    for estimates, turn in zip(filtered[20:], scene[-len(filtered) + 20 :], strict=True):
+        for place in turn.truth:
+            assert estimates.reports.owned[nearest(estimates, place)] > ALARM
+
+
+def test_a_source_is_tentative_while_a_radar_may_still_confirm_it():
+    """It is so too if it is silent after its first two reports, and then does not coast."""
+    pipeline, scene = new_pipeline(configured({"ais.identity": "icao"})), turns(6, 20.0, [OK] * 6)
+    first = frequent(scene)(scene[0])
+    away = first.changed(position=first.position + 1500.0, space=np.full(len(first), ICAO))
+    filtered, _ = fed(pipeline, scene, lambda turn: away if turn is scene[0] else None)
+    states = np.concatenate([each.track_state[each.reports.alone == 1] for each in filtered])
+    assert len(states)
+    assert (states == TENTATIVE).all()
 
 
 def test_smoothed_estimates_of_equipped_ships_are_as_accurate_as_filtered_ones():
