@@ -168,6 +168,8 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
     node = None
     try:
         node = make_node()
+        # What a node has made at its start stays: collections during scans visit only what is new.
+        gc.freeze()
         _spin(node, stop)
     except reported as error:
         return fail(name, error)
