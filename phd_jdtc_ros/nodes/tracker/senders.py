@@ -25,7 +25,7 @@ from phd_jdtc_ros.transport import udp
 RETRY_S = 5.0
 # Largest number of clients at one destination, of bytes that wait for one of them, and of scans
 # that wait to be encoded.
-MOST_CLIENTS, MOST_BYTES, MOST_WAITING = 50, 2**22, 4
+MOST_CLIENTS, MOST_BYTES, MOST_WAITING = 50, 2**20, 4
 
 
 class Destination(NamedTuple):
@@ -108,6 +108,9 @@ class Link:
         if len(self._open) < MOST_CLIENTS:
             self.fault = ""
             self._open.add(writer.transport)
+            # The system would keep some megabytes more of what a receiver does not read.
+            own = writer.get_extra_info("socket")
+            own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_BYTES // 8)
             with suppress(OSError):
                 while await reader.read(4096):
                     pass
