@@ -128,9 +128,7 @@ def ttm(targets: Sequence[Target], own: Pose, plane: Plane | None, relative: boo
         ]
         text = f"RATTM,{target.number:02d},{','.join(values)}"
         end = f"{target.status},,{_time(target.found.stamp_ns)},A"
-        named = _sentence(f"{text},{target.name},{end}")
-        # The standard's longest sentence, with its line end.
-        sentences.append(named if len(named) <= 82 else _sentence(f"{text},,{end}"))
+        sentences.append(_named_sentence(text, target.name, end))
     return sentences
 
 
@@ -140,9 +138,8 @@ def tll(targets: Sequence[Target], plane: Plane) -> list[bytes]:
     for target in targets:
         latitude, longitude = map(float, plane.to_geodetic(*target.found.position[target.row]))
         place = f"{_minutes(latitude, 2, 'NS')},{_minutes(longitude, 3, 'EW')}"
-        time = _time(target.found.stamp_ns)
-        text = f"RATLL,{target.number:02d},{place},{target.name},{time},{target.status},"
-        sentences.append(_sentence(text))
+        end = f"{_time(target.found.stamp_ns)},{target.status},"
+        sentences.append(_named_sentence(f"RATLL,{target.number:02d},{place}", target.name, end))
     return sentences
 
 
@@ -172,6 +169,13 @@ def _time(stamp_ns: int) -> str:
     """Return the time of day of a stamp, to a hundredth of a second."""
     minutes, rest = divmod(stamp_ns // 10_000_000 % 8_640_000, 6000)
     return f"{minutes // 60:02d}{minutes % 60:02d}{rest // 100:02d}.{rest % 100:02d}"
+
+
+def _named_sentence(text: str, name: str, end: str) -> bytes:
+    """Return a sentence with a name, which is left out where the sentence would be too long."""
+    named = _sentence(f"{text},{name},{end}")
+    # The standard's longest sentence, with its line end.
+    return named if len(named) <= 82 else _sentence(f"{text},,{end}")
 
 
 def _sentence(text: str) -> bytes:

@@ -137,6 +137,9 @@ def test_names_are_codes_or_addresses_or_track_numbers():
     far = at((4e5, 900.0, -4e5, 900.0), tracks=[123_456_789_012])
     (found,) = ttm(far, Pose((0.0, 0.0), NORTH, (0.0, 0.0)))
     assert (found.name, found.status) == ("", "T")
+    (sentence,) = nmea.tll([targets_of(far)[0]._replace(name="Aurora " * 5)], PLANE)
+    assert len(sentence) <= 82
+    assert [each.target_name for each in read([sentence])] == [""]
 
 
 def test_numbers_stay_with_tracks_and_a_lost_one_is_told_once():
