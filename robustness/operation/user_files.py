@@ -70,7 +70,7 @@ def measure_written(kinds: Sequence[str] = MADE) -> Found:
 def _in_a_run(rig: Rig, kinds: Sequence[str]) -> dict[str, str]:
     """Put each kind in the place of a running tracker's checkpoint; return what goes wrong."""
     path, wrong = rig.directory / "tracker.checkpoint", {}
-    given = {"checkpoint.path": path, "checkpoint.every": 1}
+    given = {"checkpoint.path": path}
     _, radars = rig.tracking(*LIGHT, *options(given))
     for number, kind in enumerate(kinds):
         first = 4 * number

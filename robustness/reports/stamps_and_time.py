@@ -98,7 +98,7 @@ def measure_numbers(loops: int = LOOPS, length: int = NUMBERED) -> Found:
     runs: list[set[int]] = []
     with Rig() as rig:
         path = rig.directory / "tracker.checkpoint"
-        given = *LIGHT, *options({"checkpoint.path": path, "checkpoint.every": 1})
+        given = *LIGHT, *options({"checkpoint.path": path})
         tracker, radars = rig.tracking(*given)
         for _ in range(loops):
             runs.append(_numbers(radars, length))

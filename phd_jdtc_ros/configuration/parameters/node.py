@@ -81,7 +81,7 @@ class Node(Managed):
         name="checkpoint.path",
     )
     checkpoint_every: int = parameter(
-        0,
+        1,
         "Number of scans between checkpoints; 0 for checkpoints on request only.",
         (0, 10**6),
         name="checkpoint.every",

@@ -10,8 +10,9 @@ from std_srvs.srv import Trigger
 KILLED_AFTER, SCANS = 5, 8
 
 
-def storing(path, every=1, **others):
-    return options(**{"checkpoint.path": path, "checkpoint.every": every, **others})
+def storing(path, every=None, **others):
+    asked = {} if every is None else {"checkpoint.every": every}
+    return options(**{"checkpoint.path": path, **asked, **others})
 
 
 def tracked(peer, processes, first, last, *arguments):
@@ -74,7 +75,7 @@ def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse(processes, peer,
         assert said in log
         assert at or found == first
     path.unlink()
-    limited = storing(path, 1, max_gap_scans=2)
+    limited = storing(path, max_gap_scans=2)
     end(peer, *tracked(peer, processes, 0, 2, *limited)[:2])
     process, *_ = tracked(peer, processes, 4, 5, *limited)
     assert "at most 12 s are allowed" in process.log.read_text()
@@ -99,7 +100,7 @@ def test_checkpoint_path_of_something_else_is_a_bad_parameter(processes, tmp_pat
 def test_checkpoint_of_a_filter_that_keeps_no_state_is_a_bad_parameter(processes, tmp_path):
     path = tmp_path / "tracker.ckpt"
     known = {**reference.parameters(), "engine": "phd_gaussian"}
-    process = start_tracker(processes, *storing(path, 1, **known))
+    process = start_tracker(processes, *storing(path, **known))
     assert process.wait(20.0) == 2
     fault = f"checkpoint.path: {path} given, must be empty with engine phd_gaussian\n"
     assert fault in process.log.read_text()
