@@ -5,14 +5,13 @@ from __future__ import annotations
 import http.client
 import itertools
 import json
-import resource
 import socket
 import time
 from contextlib import ExitStack
 
 from phd_jdtc_ros.nodes.picture_server import PATIENCE_S, PERIOD_S, Server, event
 
-from ..harness.figures import Found, measures
+from ..harness.figures import Found, measures, peak_mb
 
 STALLED = 10
 # Bytes of an update: 10,000 tracks.
@@ -34,7 +33,7 @@ def measure(stalled: int = STALLED) -> Found:
         return {"tracks": event("tracks", {"n": next(number), "text": text})}
 
     server = Server("127.0.0.1", 0, "", str, dict, take)
-    before = _peak_mb()
+    before = peak_mb()
     try:
         with ExitStack() as clients:
             for _ in range(stalled):
@@ -54,7 +53,7 @@ def measure(stalled: int = STALLED) -> Found:
             connection.close()
     finally:
         server.close()
-    growth_mb = _peak_mb() - before
+    growth_mb = peak_mb() - before
     share = len(got) * PERIOD_S / took_s
     in_order = got == sorted(set(got))
     measured = (
@@ -63,7 +62,3 @@ def measure(stalled: int = STALLED) -> Found:
     )
     reached = dropped == stalled and growth_mb <= MOST_MB * stalled and in_order and share > 0.0
     return measured, reached, {"dropped": dropped, "memory_mb": growth_mb, "updates": len(got)}
-
-
-def _peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

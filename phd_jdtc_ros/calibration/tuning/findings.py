@@ -119,8 +119,6 @@ class Findings:
     timing: Timing
     noise: Noise  # The noise without outliers
     with_outliers: Noise | None  # The noise with outliers; None if it is not clearly more likely
-    # Standard deviation across the line of sight at the tracks' median range, metres.
-    across_std: float
     detection: Rate  # Detection probability per look
     ends: Rate  # Ends of tracks per look; see `rates.ends`
     clutter: Rate  # False detections per look
@@ -233,7 +231,6 @@ def _findings(plots: Plots) -> Findings:
         timing,
         noise,
         None if outliers is None else agreeing(plots, tracks, outliers),
-        plots.across(noise.azimuth_std, tracks.claimed),
         detection_probability(plots, timing, tracks),
         ends(plots, timing, tracks),
         clutter,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray
 from ..association.evidence import PairEvidence
 from ..sensors.view import View
 from . import detection_birth
@@ -72,16 +72,3 @@ def log_intensities(
         log_undetected = 0.0 if evidence is None else evidence.log_undetected
         log_other = np.concatenate([log_other, log_birth + log_undetected])
     return log_other
-
-
-def competing_sources(
-    log_other: FloatArray, column: IntArray, log_likelihood: FloatArray
-) -> CompetingSources:
-    """Return the competing sources, scaled with the likelihoods of the known targets.
-
-    `log_other` is the result of `log_intensities`; `column` and `log_likelihood` have the detection
-    and log p_D L_z of each pair with a known target, (P,).
-    """
-    scale = log_other.max(axis=0)
-    np.maximum.at(scale, column, log_likelihood)
-    return CompetingSources(scale, np.exp(log_other - scale))
