@@ -22,10 +22,13 @@ printed) and `gaussian_filter`, the closed form that the paper's last sentence l
 study. Step 5, resampling after smoothing, is part of the printed extraction only: smoothed sets are
 extracted and not propagated.
 
-The models are in `core.targets`: `motion`, `modes`, `birth`, `spawn` and `amplitude_density`.
+The models of Sec. V are outside: f, Q, h and P_s in `targets.motion` and `targets.modes`, gamma and
+beta in `targets.birth`, p_D and g_c in `targets.amplitude_density`, the measurement and L_z in
+`sensors`, and kappa in `sensors.view`. Deviation: the paper's interval is constant. Here rates and
+probabilities are given for a nominal interval, and converted to the true one, `dt`.
 
-Both recursions have one intensity over (x, o), with the general mode o = (class, motion); see
-`targets.modes`. After a correction it is a Poisson part, which no detection explains, and one
-Bernoulli component for every detection, of at most one target. The corrected death term and the
-extraction use this split.
+Both recursions have one intensity over (x, o), with the general mode o = (class, motion):
+`particles` or a `gaussian_mixture`. After a correction it is a Poisson part, which no detection
+explains, and one Bernoulli component for every detection, of at most one target. The corrected
+death term and the extraction use this split.
 """

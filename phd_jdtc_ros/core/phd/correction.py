@@ -54,8 +54,8 @@ def explained_shares(
     `column`, `log_likelihood` and `weight` have the detection of each pair, log p_D L, and the
     weight of its target, (P,). Psi is the sum of p_D L w over all classes.
     """
-    # The clutter's amplitude density underflows above an amplitude of 38, so that kappa and p_D L
-    # are divided by the largest of them for each detection.
+    # The clutter's amplitude density underflows above an amplitude of 38. Therefore kappa and p_D L
+    # are divided by the largest of them, for each detection.
     scale: FloatArray = report.log_clutter.copy()
     np.maximum.at(scale, column, log_likelihood)
     mass = weight * np.exp(log_likelihood - scale[column])
@@ -70,8 +70,8 @@ def correct(particles: Particles, report: View, modes: ModeSpace) -> Particles:
     Sec. IV-C, Step 2: w [1 - p_D + sum over z of p_D L_z / (kappa(z) + Psi(z))], with the term of
     each detection kept apart.
     """
-    class_id, state = modes.class_of[particles.mode], particles.state
-    measured = report.sensor.measure(state)
+    class_id = modes.class_of[particles.mode]
+    measured = report.sensor.measure(particles.state)
     report = limit_detections(report, measured, particles.weight)
     (radar,) = polar_radars([report.sensor])
     # A target outside the field of view is no source of a detection inside it.

@@ -22,8 +22,8 @@ LinkT = TypeVar("LinkT")
 class Stepped(Generic[SetT, LinkT]):
     """The result of one step of a recursion."""
 
-    updated: SetT  # The intensity after all radars, for filtered targets; that of Gaussians reduced
-    stored: SetT  # The reduced intensity, from which the next scan continues
+    corrected: SetT  # The intensity after all radars, from which filtered targets are extracted
+    stored: SetT  # The same resampled or merged, from which the next scan continues
     link: LinkT | None  # None for the first scan, and without smoothing
     figures: Mapping[str, float]  # Diagnostics by name
 
@@ -113,12 +113,12 @@ class PhdEngine(Generic[SetT, LinkT]):
         found = self.recursion.step(earlier, scan, dt, linked=self.lag.positive)
         self._latest = Entry(scan.stamp_ns, found.stored, found.link)
         self._window.append(self._latest)
-        filtered = (self._extract(found.updated, scan.stamp_ns, 0),)
+        filtered = (self._extract(found.corrected, scan.stamp_ns, 0),)
         on_filtered(filtered)
         stamps_ns, due = [entry.stamp_ns for entry in self._window], 0
         while self.lag.reached(stamps_ns[due:]):
             due += 1
-        mass = self.recursion.class_mass(found.updated)
+        mass = self.recursion.class_mass(found.corrected)
         return Step(filtered, self._smooth(due), mass, found.figures)
 
     def _smooth(self, count: int) -> tuple[Estimates, ...]:

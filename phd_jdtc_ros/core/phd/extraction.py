@@ -34,7 +34,7 @@ Extraction: TypeAlias = Callable[[Particles, ModeSpace, float, np.random.Generat
 MomentsOf: TypeAlias = Callable[[IntArray, IntArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
-def above(threshold: float, key: IntArray, row: IntArray, weight: FloatArray) -> Groups:
+def groups_above(threshold: float, key: IntArray, row: IntArray, weight: FloatArray) -> Groups:
     """Return the groups of equal `key` with a mass above the threshold; the arguments are (E,)."""
     distinct, index = factorize(key)
     reported = sum_by(index, weight, len(distinct)) > threshold
@@ -59,7 +59,7 @@ def components(
     entry_row = np.arange(len(particles)).repeat(np.diff(parts.indptr))
     unexplained = particles.origin[poisson] * len(modes.classes)
     unexplained += modes.class_of[particles.mode[poisson]]
-    return above(
+    return groups_above(
         threshold,
         key=np.concatenate([parts.indices, parts.shape[1] + unexplained]),
         row=np.concatenate([entry_row, poisson]),

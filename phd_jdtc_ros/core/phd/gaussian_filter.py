@@ -11,7 +11,7 @@ from ..models.tracker_model import TrackerModel
 from ..types import Estimates, Scan
 from . import gaussian_smoothing
 from .engine import Stepped
-from .extraction import above, estimates
+from .extraction import estimates, groups_above
 from .gaussian_mixture import Mixture, Updated, correct, moments, predict, reduce
 from .gaussian_smoothing import Lineage, trace
 
@@ -58,7 +58,7 @@ class GaussianFilter:
         first = int(found.component.max(initial=-1)) + 1
         unexplained = first + found.origin * len(modes.classes) + modes.class_of[found.mode]
         key = np.where(found.component < 0, unexplained, found.component)
-        groups = above(threshold, key, rows, found.weight)
+        groups = groups_above(threshold, key, rows, found.weight)
 
         def moments_of(
             row: IntArray, group: IntArray, weight: FloatArray

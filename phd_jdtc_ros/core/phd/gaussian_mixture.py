@@ -95,13 +95,13 @@ def predict(mixture: Mixture, model: TrackerModel, dt: float, scan_index: int) -
     modes, spawn = model.modes, model.spawn
     survived = modes.survival(dt)[:, None] * modes.transition(dt)
     survivors, parent, cross = _moved(mixture, survived, modes.noise(dt), modes, dt)
-    # On axes without support the noise of a mode is zero, and so is that of spawning and birth.
+    # Spawned targets and births have no spread on the axes that their motion mode lacks.
     supported = np.zeros((len(modes), len(modes.space)))
     for index, motion in enumerate(modes.motions):
         supported[index, list(motion.support)] = 1.0
     rate = spawn.rate * dt / modes.interval_s
-    around = np.eye(len(modes.space)) * (supported * spawn.std**2)[:, None]
-    spawned = _moved(mixture, rate * spawn.transition, around, modes, dt)[0]
+    spawn_noise = np.eye(len(modes.space)) * (supported * spawn.std**2)[:, None]
+    spawned = _moved(mixture, rate * spawn.transition, spawn_noise, modes, dt)[0]
     parts = [survivors, spawned]
     for index, term in enumerate(model.births):
         (mode,) = term.rate.nonzero()
@@ -146,18 +146,18 @@ def correct(updated: Updated, report: View, modes: ModeSpace) -> Updated:
     """Return the mixture after a report (Step 2): each of its detections becomes a component."""
     mixture, source = updated
     class_id, place = modes.class_of[mixture.mode], list(modes.space.position)
-    measured, slope = report.sensor.linearise(mixture.mean[:, place])
-    spread = slope @ mixture.covariance[:, place][:, :, place] @ slope.swapaxes(1, 2)
+    measured, jacobian = report.sensor.linearise(mixture.mean[:, place])
+    spread = jacobian @ mixture.covariance[:, place][:, :, place] @ jacobian.swapaxes(1, 2)
     variance = np.diagonal(spread, axis1=1, axis2=2)
     report = limit_detections(report, measured, mixture.weight)
-    sensor, plots = report.sensor, report.detections
-    error = sensor.wrap(plots.measurement - measured[:, None])
+    sensor, detected = report.sensor, report.detections.measurement
+    error = sensor.wrap(detected - measured[:, None])
     # Gate on each component of a measurement, in standard deviations of the innovation.
     gate = 6.0**2 * (variance[:, None] + report.detection_std**2)
     row, column = (error**2 <= gate).all(axis=2).nonzero()
 
     gaussians = WeightedGaussians.of(mixture.mean, mixture.covariance)
-    readings = Measured(plots.measurement, report.detection_std)
+    readings = Measured(detected, report.detection_std)
     innovation = kalman.innovations(gaussians, sensor, readings, (row, column))
     log_likelihood = innovation.log_likelihood
     log_likelihood = log_likelihood + log_amplitude_likelihood(report, class_id[row], column, modes)

@@ -1,15 +1,15 @@
 """The backward step in closed form: along the lineages of Gaussians.
 
-The forward-backward PHD smoother of Sec. III-B multiplies the filtered intensity at t by
-1 - P_s + P_s times the integral of f(y|x) D_{t+1|k}(y) / D_{t+1|t}(y). The ratio is the correction
-at t+1 times the same factor at t+1, and so on: a sum over what later scans may show of a target.
-The term of a Gaussian s of D_{t|t} is therefore the sum of the terms of its descendants q in
-D_{t+1|t+1}, Gaussians with the smoothed weights of q and the moments of the Rauch-Tung-Striebel
-step from the smoothed q. It is replaced by one Gaussian with its moments. Births and spawned
-targets are in D_{t+1|t} and not in the integral, so that their part of the weight is not passed on.
+The smoother of Sec. III-B multiplies D_{t|t}(x) by 1 - P_s + P_s times the integral over y of
+f(y|x) D_{t+1|k}(y) / D_{t+1|t}(y). The ratio in it is the factor of the correction at t+1 times
+that of the smoother at t+1. So a Gaussian s of D_{t|t} times the integral is a sum over its
+descendants q, the Gaussians of D_{t+1|t+1} that came from s: each has the smoothed weight of q, and
+the moments of a Rauch-Tung-Striebel step back from the smoothed q. One Gaussian with the moments of
+the sum takes its place. Births and spawned targets are in D_{t+1|t} and not in the integral, so
+that they pass no weight back.
 
-Where descendants of several Gaussians were merged, the smoothed weight of the merged one is shared
-in proportion to their weights before, and each step begins at the smoothed merged one.
+Where descendants were merged, the smoothed weight of the merged Gaussian is divided in proportion
+to their weights before the merging, and the step of each begins at the smoothed merged one.
 
 References
 ----------
@@ -81,7 +81,7 @@ def backward_step(mixture: Mixture, lineage: Lineage, later: Mixture) -> Mixture
     """
     parent, row, size = lineage.parent, lineage.row, len(mixture)
     weight = later.weight[row] * lineage.share
-    seen, surviving = sum_by(parent, weight, size), lineage.survival * mixture.weight
+    alive, surviving = sum_by(parent, weight, size), lineage.survival * mixture.weight
     part, parts = mixture.component, int(mixture.component.max(initial=-1)) + 1
     explained = part >= 0
 
@@ -89,7 +89,7 @@ def backward_step(mixture: Mixture, lineage: Lineage, later: Mixture) -> Mixture
         return sum_by(part[explained], value[explained], parts)
 
     factor = np.ones(size)
-    masses = by_component(mixture.weight), by_component(surviving), by_component(seen)
+    masses = by_component(mixture.weight), by_component(surviving), by_component(alive)
     factor[explained] = bernoulli_death_term(*masses)[part[explained]]
     dead = (mixture.weight - surviving) * factor
 

@@ -4,12 +4,12 @@ The kernel K and its normaliser mu do not depend on later scans. They are cached
 costs one sparse product. Only pairs within a gate of the process noise are kept, which a k-d tree
 finds, as in the paper.
 
-After a long interval nearly every particle may descend from nearly every particle of the set
-before. A row with many pairs is therefore thinned to those that the teeth of a comb hit, in
-proportion to kernel times weight, so that the memory is linear in the number of particles.
-Deviation: Step 4 sums all pairs. Few suffice: the two random draws per row of Olsson and Westerborn
-("Efficient particle-based online smoothing in general hidden Markov models: the PaRIS algorithm",
-Bernoulli 23(3), 2017) already bound the variance of the estimates over time.
+Deviation: Step 4 sums all pairs. After a long interval nearly every particle may descend from
+nearly every one of the set before. A row with many pairs is therefore thinned, by systematic
+resampling in proportion to kernel times weight, so that the memory is linear in the particles. Two
+random draws per row already bound the variance of the estimates over time (Olsson and Westerborn,
+"Efficient particle-based online smoothing in general hidden Markov models: the PaRIS algorithm",
+Bernoulli 23(3), 2017).
 """
 
 from __future__ import annotations
@@ -55,21 +55,21 @@ def build(earlier: Particles, later: Particles, model: TrackerModel, dt: float) 
     into this mode are compared in four dimensions, and those into a turn in five.
     """
     modes, spawn = model.modes, model.spawn
-    survival, share = modes.survival(dt), dt / modes.interval_s
+    survival, intervals = modes.survival(dt), dt / modes.interval_s
     survived, spawned = survival[:, None] * modes.transition(dt), spawn.rate * spawn.transition
-    mu = share * birth.intensity(model.births, modes, later.state, later.mode)
+    mu = intervals * birth.intensity(model.births, modes, later.state, later.mode)
     none = np.zeros(0, dtype=np.int64)
     parts: list[Pairs] = [(none, none, np.zeros(0))]
     for mode, motion in enumerate(modes.motions):
         support, (rows,) = list(motion.support), (later.mode == mode).nonzero()
         state, successor = later.state[rows][:, support], motion.mean(earlier.state, dt)[:, support]
         noise = motion.noise_covariance(dt), np.diag(spawn.std[support] ** 2)
-        for row, column, kernel in _rated(state, successor, noise[0], survived[earlier.mode, mode]):
+        for row, column, kernel in _near(state, successor, noise[0], survived[earlier.mode, mode]):
             weight, later_row = earlier.weight[column], rows[row]
             add_by_row(mu, later_row, kernel * weight)
             parts.append(thin((later_row, column, kernel), weight))
-        for row, column, beta in _rated(state, successor, noise[1], spawned[earlier.mode, mode]):
-            add_by_row(mu, rows[row], share * beta * earlier.weight[column])
+        for row, column, beta in _near(state, successor, noise[1], spawned[earlier.mode, mode]):
+            add_by_row(mu, rows[row], intervals * beta * earlier.weight[column])
     row, column, kernel = (np.concatenate(each) for each in zip(*parts, strict=True))
     # An orphan is paired with its parent alone, to which its whole weight returns.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
@@ -80,7 +80,7 @@ def build(earlier: Particles, later: Particles, model: TrackerModel, dt: float) 
     return Kernel(matrix, survival[earlier.mode], len(orphan))
 
 
-def _rated(
+def _near(
     state: FloatArray, successor: FloatArray, noise: FloatArray, rate: FloatArray
 ) -> Iterator[Pairs]:
     """Yield the pairs of later states and noise-free successors within the gate of the noise.

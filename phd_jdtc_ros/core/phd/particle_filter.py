@@ -52,10 +52,10 @@ class ParticleFilter:
     ) -> Stepped[Particles, Kernel]:
         """Predict, correct with every radar, resample; if `linked`, build the backward kernel."""
         model, rng, start = self.model, self._rng, Particles.empty(len(self.model.modes.space))
-        updated = predict(earlier or start, model, self.budget, dt, self._scans, rng)
+        found = predict(earlier or start, model, self.budget, dt, self._scans, rng)
         for report in model.expected(scan):
-            updated = correct(updated, report, model.modes)
-        stored = resample(updated, model.modes, self.budget, rng)
+            found = correct(found, report, model.modes)
+        stored = resample(found, model.modes, self.budget, rng)
         self._scans += 1
         link = kernel.build(earlier, stored, model, dt) if linked and earlier is not None else None
         figures = {
@@ -63,7 +63,7 @@ class ParticleFilter:
             "effective_sample_size": stored.effective_sample_size,
             "orphans": link.orphans if link else 0,
         }
-        return Stepped(updated, stored, link, figures)
+        return Stepped(found, stored, link, figures)
 
     def backward_step(self, stored: Particles, link: Kernel, later: Particles) -> Particles:
         """Return a stored set with smoothed weights, given the smoothed next one."""

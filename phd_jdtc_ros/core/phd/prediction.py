@@ -2,7 +2,7 @@
 
 Deviation: the steps of survivors and births, which the paper's text omits, are added, and the
 weight of a spawned particle has the factors that the paper omits: the parent's weight, the rate
-lambda_beta, and the probability of the mode.
+lambda_beta, and the probability of the mode. The proposals phi of classes and of states are beta's.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _spawned(
     dt: float,
     rng: np.random.Generator,
 ) -> Particles:
-    """Return the spawned particles, drawn from beta itself, so that all have the same weight.
+    """Return the spawned particles. As they are drawn from beta, all have the same weight.
 
     Deviation: they spread about F x_{k-1}, with F of the spawned target's mode; see `SpawnModel`.
     """

@@ -15,7 +15,7 @@ from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
 from ..targets.modes import ModeSpace
 
 if TYPE_CHECKING:
-    # Configurations have a budget also for engines without particles, which start the sooner.
+    # Every configuration has a budget; without this import the other engines start sooner.
     from .particles import Particles
 
 
@@ -96,10 +96,7 @@ def draw(weight: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
 def systematic(
     weight: FloatArray, group: IntArray, count: IntArray, rng: np.random.Generator
 ) -> IntArray:
-    """Return the number of copies of each particle, by one systematic comb per group; see `comb`.
-
-    Their expectation is proportional to `weight`.
-    """
+    """Return the copies of each particle, (N,), by one systematic comb per group; see `comb`."""
     if len(weight) == 0:
         return np.zeros(0, dtype=np.int64)
     return comb(weight, group, count, rng.random(len(count)))

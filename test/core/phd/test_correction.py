@@ -144,7 +144,7 @@ def test_radars_correct_in_turn_and_one_without_a_report_does_not():
 
     def stepped(*detections):
         recursion = ParticleFilter(model, budget, 0, None, None)
-        return recursion.step(phd, Scan(1, detections), 6.0, linked=False).updated
+        return recursion.step(phd, Scan(1, detections), 6.0, linked=False).corrected
 
     predicted = stepped(None, None)
     first = update(predicted, reported[0], RADARS[0], MODES)
