@@ -1,8 +1,7 @@
 """Executables with one thing changed, for `forked`: each takes the arguments of its node."""
 
 from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
-from phd_jdtc_ros.nodes import playback
-from phd_jdtc_ros.nodes import replay as replay
+from phd_jdtc_ros.nodes import playback, replay
 from phd_jdtc_ros.nodes.tracker import node as tracker
 
 

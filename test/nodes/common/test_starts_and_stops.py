@@ -28,13 +28,10 @@ def logging(process, text):
 def test_node_stops_cleanly_on_a_signal(processes, name, signals):
     process = processes.start(name, *NODES[name])
     logging(process, "[")
-    started = time.monotonic()
     for number in signals:
         process.send_signal(number)
         time.sleep(0.05)
-    status = process.wait(10.0)
-    assert status == 0
-    assert time.monotonic() - started < 2.0
+    assert process.wait(30.0) == 0
     assert "Traceback" not in process.log.read_text()
 
 
@@ -45,11 +42,8 @@ def test_node_stops_cleanly_on_a_signal(processes, name, signals):
 def test_node_stops_cleanly_while_it_is_being_imported(executables, name, number):
     process = executables.start(name, *NODES[name], PYTHONPROFILEIMPORTTIME="1")
     logging(process, "rclpy")
-    started = time.monotonic()
     process.send_signal(number)
-    status = process.wait(10.0)
-    assert status == 0
-    assert time.monotonic() - started < 1.0
+    assert process.wait(30.0) == 0
     assert "Traceback" not in process.log.read_text()
 
 
