@@ -14,6 +14,7 @@ from .plots import Plots
 from .rotation import Timing
 from .tracks import LinkModel, Tracks, link_plots
 
+# Grid of the targets' speeds, metres per second: first the usual one, then the others.
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
@@ -84,8 +85,7 @@ def _best_of_grid(plots: Plots, timing: Timing) -> list[tuple[Tracks, LinkModel]
 
 def _noises(plots: Plots) -> list[tuple[float, float]]:
     """Return the grid of both standard deviations; those of places are equal and fill the area."""
-    # Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of
-    # the azimuth in degrees, and speeds in metres per second.
+    # Deviations of the range are shares of the farthest plot's range.
     ranges = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
     azimuths_deg = (0.06, 0.25, 1.0, 4.0)
     if plots.places:

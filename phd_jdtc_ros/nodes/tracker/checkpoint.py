@@ -189,7 +189,10 @@ class Checkpoints:
             engine.restore(stored)
             if not 0.0 < age_s <= self._max_age_s:
                 # As after a jump of the stamps; see `Pipeline`. Track numbers go on.
-                _ = engine.interrupt() if age_s > 0.0 else engine.flush()
+                if age_s > 0.0:
+                    engine.interrupt()
+                else:
+                    engine.flush()
                 raise ValueError(
                     f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
                     "are allowed"

@@ -11,17 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ...arrays import (
-    BoolArray,
-    Float1,
-    Float2,
-    Float3,
-    Float4,
-    FloatArray,
-    Int1,
-    IntArray,
-    frozen,
-)
+from ...arrays import BoolArray, Float1, Float2, Float3, Float4, FloatArray, Int1, IntArray, frozen
 from ...state_space import StateSpace
 from ...types import Detections
 from ..gaussians import HeavyTails, noise_covariance
@@ -83,6 +73,11 @@ class Measured(NamedTuple):
     noise_std: FloatArray  # Standard deviations, (M, Z)
     correlation: FloatArray | None = None  # See `Detections.noise_correlation`, (M,)
     time_s: FloatArray | None = None  # Time relative to the stamp of the Gaussians, seconds, (M,)
+
+    @property
+    def times(self) -> FloatArray:
+        """The times as compiled functions take them."""
+        return NO_TIMES if self.time_s is None else self.time_s
 
 
 class WeightedGaussians(NamedTuple):

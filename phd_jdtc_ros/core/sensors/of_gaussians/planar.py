@@ -19,7 +19,6 @@ from ..gaussians import noise_covariance
 from .linearised import (
     GATE_SIGMA,
     LEAST_STD,
-    NO_TIMES,
     Expected,
     Linearised,
     Measured,
@@ -86,9 +85,8 @@ class PlanarGaussians(Linearised):
 
 def _plots(measured: Measured) -> _Plots:
     """Return measurements as compiled functions take them."""
-    times = NO_TIMES if measured.time_s is None else measured.time_s
     noise = noise_covariance(measured.noise_std, measured.correlation)
-    return frozen(_Plots(measured.measurement, noise, times))
+    return frozen(_Plots(measured.measurement, noise, measured.times))
 
 
 @inner

@@ -17,7 +17,6 @@ from . import polar_gate
 from .angles import angle_of
 from .linearised import (
     LEAST_STD,
-    NO_TIMES,
     Expected,
     Linearised,
     Measured,
@@ -76,8 +75,7 @@ class PolarGaussians(Linearised):
 
 def _plots(measured: Measured) -> Plots:
     """Return measurements as compiled functions take them."""
-    times = NO_TIMES if measured.time_s is None else measured.time_s
-    return frozen(Plots(measured.measurement, measured.noise_std, times))
+    return frozen(Plots(measured.measurement, measured.noise_std, measured.times))
 
 
 @compiled
