@@ -20,15 +20,7 @@ from .parameters.position import PositionParameters
 from .parameters.radar import RadarParameters
 from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
-from .parameters.tracker import (
-    IMPLIED,
-    USUAL,
-    Birth,
-    Motion,
-    Parts,
-    TargetClass,
-    Tracking,
-)
+from .parameters.tracker import IMPLIED, USUAL, Birth, Motion, Parts, TargetClass, Tracking
 from .radar_models import radar_factors, radar_model
 from .schema import Parameter, build, expand, table
 

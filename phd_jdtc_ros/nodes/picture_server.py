@@ -24,13 +24,7 @@ from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.conflicts.model import Conflicts
 from phd_jdtc_ros.core.types import FILTERED, Estimates
-from phd_jdtc_ros.report.page.picture import (
-    AXIS_STEPS,
-    LEAST_AXIS,
-    MARKS,
-    NO_LEVEL,
-    said_of,
-)
+from phd_jdtc_ros.report.page.picture import AXIS_STEPS, LEAST_AXIS, MARKS, NO_LEVEL, said_of
 from phd_jdtc_ros.report.style import RADIUS_95
 
 

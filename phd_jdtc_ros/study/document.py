@@ -14,17 +14,7 @@ from phd_jdtc_ros.simulation.checked import mapping, mappings, take
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
-from .definition import (
-    FIGURES,
-    KINDS,
-    OWN,
-    Case,
-    Goal,
-    Kind,
-    Study,
-    Variant,
-    merge_layers,
-)
+from .definition import FIGURES, KINDS, OWN, Case, Goal, Kind, Study, Variant, merge_layers
 from .tracker import TAXIING, IgnoredTargets
 
 # The reference scenario, which is built in.

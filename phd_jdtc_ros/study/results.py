@@ -20,15 +20,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.evaluation.accumulator import Totals, ratio
 from phd_jdtc_ros.evaluation.comparison import ALL
 
-from .definition import (
-    METRICS,
-    ORDER,
-    REDUCTION,
-    Goal,
-    Study,
-    Variant,
-    merge_layers,
-)
+from .definition import METRICS, ORDER, REDUCTION, Goal, Study, Variant, merge_layers
 from .metrics import VALUES
 from .tasks import HEADER, Outcome, Scores, Store, Task
 

@@ -8,15 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.compilation import (
-    Float1,
-    Float2,
-    Float3,
-    Int1,
-    Writeable,
-    compiled,
-    inner,
-)
+from phd_jdtc_ros.core.compilation import Float1, Float2, Float3, Int1, Writeable, compiled, inner
 from phd_jdtc_ros.core.sensors.of_gaussians.angles import wrapped
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 

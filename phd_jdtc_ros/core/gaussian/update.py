@@ -9,13 +9,7 @@ import numpy as np
 
 from ..arrays import TINY, FloatArray, IntArray, frozen
 from ..association.claims import Claims
-from ..association.evidence import (
-    NoiseEvidence,
-    OutlierEvidence,
-    OutOfGate,
-    Paired,
-    PairEvidence,
-)
+from ..association.evidence import NoiseEvidence, OutlierEvidence, OutOfGate, Paired, PairEvidence
 from ..models.competing_sources import CompetingSources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel

@@ -11,13 +11,7 @@ from ...association.marginals import LEAST_CLUTTER
 from ...compilation import Bool1, Float1, Float2, Float3, Int1, compiled, inner
 from ..mixture import Hypotheses, Mixture
 from .amplitude import Amplitudes
-from .pairs import (
-    PairLikelihoods,
-    Sources,
-    sources_of,
-    write_missed_weight,
-    write_pair_weight,
-)
+from .pairs import PairLikelihoods, Sources, sources_of, write_missed_weight, write_pair_weight
 
 # A pair with less than this share of its detection's sources, or of its target's hypotheses, is
 # left out before the iterated update.

@@ -15,13 +15,7 @@ from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
 from ..mixture import Hypotheses, Mixture
-from .pairs import (
-    PairLikelihoods,
-    Sources,
-    sources_of,
-    write_missed_weight,
-    write_pair_weight,
-)
+from .pairs import PairLikelihoods, Sources, sources_of, write_missed_weight, write_pair_weight
 from .pruning import most_probable
 
 

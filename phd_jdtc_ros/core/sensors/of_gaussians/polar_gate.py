@@ -8,17 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import TINY, FloatArray, IntArray
-from ...compilation import (
-    Bool1,
-    Float1,
-    Float2,
-    Float3,
-    Int1,
-    Writeable,
-    compiled,
-    in_place,
-    inner,
-)
+from ...compilation import Bool1, Float1, Float2, Float3, Int1, Writeable, compiled, in_place, inner
 from ...types import FULL_TURN
 from ..polar_geometry import MIN_RANGE
 from .angles import wrapped
