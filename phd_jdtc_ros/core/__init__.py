@@ -12,6 +12,7 @@ The path of the data, with the package of each step::
       |  predict                               window.forward_filter: gaussian, targets
       |  update, report by report              window.update
       |  reduce                                gaussian.reduction
+      |  pair with self-reports                reports, by window.self_reports
       |------------- extract ---------------> Estimates (filtered): tracks with confirmation,
       |                                        numbers and a common stamp
       |  backward over the lag window          window.fixed_lag, gaussian.smoothing
@@ -49,6 +50,7 @@ The packages import downwards only; contracts in ``pyproject.toml`` enforce this
     tracks
     models
     factors
+    reports
     sensors
     association, targets
     types

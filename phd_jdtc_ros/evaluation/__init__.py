@@ -2,7 +2,7 @@
 
 ::
 
-    truth, estimates (PointSet): pairs by stamp    evaluation, true_tracks
+    truth, estimates (PointSet): pairs by stamp    evaluation: its cut-off and order too
       |  by position alone                         comparison, metrics
     PairedScan
       |  split: all targets, each class            comparison

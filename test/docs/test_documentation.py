@@ -189,4 +189,4 @@ def test_drawing_of_the_house_has_the_parts_of_the_contract():
     assert packages <= parts
     assert packages <= {*drawn}
     rooms = {path.name for path in (ROOT / "phd_jdtc_ros" / "core").iterdir() if path.is_dir()}
-    assert {*drawn} - packages <= rooms
+    assert {*drawn} - packages == rooms

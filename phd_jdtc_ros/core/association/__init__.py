@@ -9,8 +9,10 @@
       |  the order of a cluster's edges        planning
       |  sums over all matchings               frontier
       |  clusters beyond all bounds            belief_propagation
-    probability of every edge, and of no detection: marginals
+    probability of every edge, and of no detection
       |  factors on the rows' weights        shares
 
-An engine gives `claims.Claims` to `shares`, in compiled code.
+`marginals` has these steps in order, and the bound of the work beyond which a cluster is left to
+belief propagation. An engine gives `claims.Claims` to `shares`, in compiled code. `evidence` has
+what the pairs show besides positions, before and after.
 """

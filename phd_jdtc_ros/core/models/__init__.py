@@ -8,5 +8,4 @@
     zones                  polygons in which no target is born, or whose entry is an alarm
     competing_sources      intensity of clutter and of undetected targets at detections
     detection_clusters     merges the detections of one object
-    manoeuvre              deviations from the motion models after a lost track
 """

@@ -112,12 +112,8 @@ class ForwardFilter:
     def step(self, scan: Scan, linked: bool) -> Entry:
         """Predict, update with every radar and reduce; if `linked`, link to earlier mixtures.
 
-        Labels that no antenna swept in this scan are unchanged, see `swept`.
-
-        Raises
-        ------
-        ValueError
-            If the stamp is not later than the previous one, or no sensor reported.
+        Labels that no antenna swept in this scan are unchanged, see `swept`. Raise `ValueError` if
+        the stamp is not later than the previous one, or no sensor reported.
         """
         dynamics, index = self.dynamics, self._scan_index
         dt = self._since(self.stamp_ns, scan.stamp_ns)
@@ -212,17 +208,9 @@ class ForwardFilter:
         self.factors.to_snapshot(self.model.radars, snapshot)
 
     def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, Entry]) -> None:
-        """Restore the filter's state from a snapshot.
+        """Restore the filter's state from a snapshot, whose sets are `entries` by stamp.
 
-        Parameters
-        ----------
-        entries : mapping of stamp to Entry
-            The sets that the snapshot holds.
-
-        Raises
-        ------
-        ValueError
-            If the snapshot does not fit this filter.
+        Raise `ValueError` if the snapshot does not fit this filter.
         """
         progress, latest = from_snapshot(Progress, snapshot, "filter", {}), snapshot.stamp_ns
         stamps = progress.unswept_ns.tolist()

@@ -38,16 +38,8 @@ def update_scan(
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
     Targets born at the detections of one report join the rows before the next one, so that two
-    sensors that detect a new target do not give birth to it twice.
-
-    Parameters
-    ----------
-    rows : Branched
-        Predicted.
-    dt : float
-        True interval since the previous scan, seconds.
-    scan_index : int
-        Determines the labels of births.
+    sensors that detect a new target do not give birth to it twice. The rows are predicted, `dt` is
+    the true interval since the previous scan in seconds, and births have labels by `scan_index`.
     """
     label, after = track_numbers.first_detected(scan_index), Updated(rows, factors)
     for report in steps.dynamics.model.reports(scan):
@@ -59,16 +51,8 @@ def update_scan(
 def update(before: Updated, report: View, steps: GaussianSteps, dt: float, label: int) -> Updated:
     """Update with one report.
 
-    Parameters
-    ----------
-    before : Updated
-        With the targets born at the detections of the scan's earlier reports.
-    steps : GaussianSteps
-        The steps, with the models of targets and sensors.
-    dt : float
-        True interval since the previous scan, seconds.
-    label : int
-        First label of targets born at the report's detections.
+    `before` has the targets born at the detections of the scan's earlier reports too. `dt` is the
+    true interval since the previous scan in seconds, and `label` the first of targets born here.
     """
     model, factors = steps.dynamics.model, before.factors
     expected = factors.expect(report)
