@@ -189,7 +189,7 @@ def kind_of(data: bytes | mmap.mmap) -> str:
         return RAW
     raise RecordingError(
         "is not a recording of ASTERIX: it must begin with a data block, with an envelope of the "
-        "final format, or as a capture (pcap, pcapng)"
+        "final format, or as a capture (pcap, pcapng), each as it is or packed by gzip"
     )
 
 

@@ -39,7 +39,7 @@ _ANY_MAGIC = re.compile(b"|".join(map(re.escape, (*_MAGICS, _PCAPNG))))
 _FILE_HEADER, _PART = 24, 2**20
 # Upper bound of a captured packet, bytes; that of libpcap.
 _LARGEST_PACKET = 2**18
-_SECTION, _INTERFACE, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 3, 6
+_SECTION, _INTERFACE, _PACKET_BLOCK, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
 _RESOLUTION, _OFFSET = 9, 14
 # The begin of such a block of a usual kind, by byte order.
 _BLOCK = {
@@ -156,7 +156,8 @@ class _Classic:
         self._latest.append(seconds >> 16)
         self._first = self._latest[0] if self._first is None else self._first
         time_ns = seconds * 10**9 + fraction * (10**9 // self._units_per_s)
-        return Entry(at, end, Packet(self._data[at + 16 : end], time_ns, self._link))
+        # Programs that do not know the time write zeros.
+        return Entry(at, end, Packet(self._data[at + 16 : end], time_ns or None, self._link))
 
     def resume(self, at: int, limit: int) -> int:
         """See `_Section.resume`; the time must be within a day of the others, if they are known."""
@@ -280,13 +281,14 @@ class _NextGeneration:
         if kind == _INTERFACE and len(body) >= 8:
             (link,) = struct.unpack(order + "H", body[:2])
             interfaces.append((link, *_times_of(body[8:], order)))
-        elif kind == _ENHANCED and len(body) >= 20:
-            number, high, low, captured, _ = struct.unpack(order + "IIIII", body[:20])
+        elif kind in (_PACKET_BLOCK, _ENHANCED) and len(body) >= 20:
+            form = "IIIII" if kind == _ENHANCED else "H2xIIII"
+            number, high, low, captured, _ = struct.unpack(order + form, body[:20])
             if number >= len(interfaces) or captured > len(body) - 20:
                 return Packet(b"", None, None)
             link, units, offset_s = interfaces[number]
             time_ns = (high << 32 | low) * 10**9 // units + offset_s * 10**9
-            return Packet(body[20 : 20 + captured], time_ns, link)
+            return Packet(body[20 : 20 + captured], time_ns or None, link)
         elif kind == _SIMPLE and len(body) >= 4 and interfaces:
             return Packet(body[4:], None, interfaces[0][0])
         return None

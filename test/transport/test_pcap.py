@@ -137,6 +137,30 @@ def test_times_of_an_interface_have_its_resolution_and_offset(blocks):
             assert [each.received_ns for each in found] == [expected_ns]
 
 
+@pytest.mark.parametrize("order", "<>")
+def test_packets_of_old_captures_are_read(blocks, order):
+    """The block of packets that the enhanced one has replaced has a shorter number."""
+    data, sent = made.pcapng(packets(blocks), order), bytearray()
+    for at, after in itertools.pairwise([*begins(data, order, made.pcapng), len(data)]):
+        kind, size, interface = struct.unpack(order + "III", data[at : at + 12])
+        if kind == 6:
+            head = struct.pack(order + "IIHH", 2, size, interface, 0xFFFF)
+            sent += head + data[at + 12 : after]
+        else:
+            sent += data[at:after]
+    found, counts = read(bytes(sent))
+    assert (found, counts) == read(data)
+    assert data_of(found) == blocks
+
+
+@pytest.mark.parametrize("kind", [made.pcap, made.pcapng])
+def test_a_time_of_zero_is_unknown(blocks, kind):
+    found, counts = read(kind([(0, made.packet(block)) for block in blocks]))
+    assert data_of(found) == blocks
+    assert {each.received_ns for each in found} == {None}
+    assert not counts
+
+
 LOOPBACK, COOKED_VLAN = b"\x02\0\0\0", bytes(14) + b"\x81\0\0\5\x08\0"
 ERF = bytes(8) + b"\x82" + bytes(7) + b"\x80" + bytes(7) + bytes(8) + bytes(2)
 LINKS = {
