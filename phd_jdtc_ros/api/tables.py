@@ -210,9 +210,16 @@ def _unit(time: float) -> str:
 
 
 def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
-    """Raise `ValueError` if a column's type rounds its times as coarsely as they follow."""
+    """Raise `ValueError` if times are rounded as coarsely as they follow, or digits of a clock."""
     latest, steps = seconds.max(), np.diff(np.unique(seconds))
     usual = float(np.median(steps)) if len(steps) else LONGEST_STEP_S
+    # Times that follow each other closely are not all in the first sixty of a hundred seconds.
+    hundreds, rest = np.divmod(seconds, 100.0)
+    if usual < 10.0 and 50.0 <= rest.max() < 60.0 and len(np.unique(hundreds)) >= 4:
+        raise ValueError(
+            f"{name}: {seconds[0]:g} in the first row, no time is 60 to 99 s after a multiple of "
+            "100: probably hours, minutes and seconds in one number; must be seconds or dates"
+        )
     usual = min(max(usual, SHORTEST_STEP_S), LONGEST_STEP_S)
     single = float(np.spacing(np.float32(latest)))
     if column.dtype.kind == "f" and column.dtype.itemsize < 8:

@@ -208,6 +208,16 @@ def test_times_that_were_of_single_precision_are_refused(kind):
         stamps_ns({"time": time})
 
 
+@pytest.mark.parametrize("step", [0.5, 6.0])
+def test_hours_minutes_and_seconds_in_one_number_are_named(step):
+    clock = 36_000.0 + np.arange(0.0, 600.0, step)
+    minutes, seconds = np.divmod(clock, 60.0)
+    digits = minutes // 60 * 10_000 + minutes % 60 * 100 + seconds
+    with pytest.raises(ValueError, match="hours, minutes and seconds in one number"):
+        stamps_ns({"time": digits})
+    assert len(stamps_ns({"time": clock})) == len(clock)
+
+
 @pytest.mark.parametrize(
     ("turn", "what"), [(86400.0, "seconds of the day"), (604800.0, "seconds of the GPS week")]
 )
