@@ -128,7 +128,7 @@ def test_fit_takes_the_larger_deviation_for_both_axes_of_positions():
     for axis in "xy":
         table = {**given, axis: given[axis] + noise}
         found = Tracker().fit(table).parameters["radar.position_std"]
-        assert found == pytest.approx(20.0, rel=0.4)
+        assert found == pytest.approx(20.0, rel=0.2)
     # Positions are not used beside ranges and azimuths.
     found = Tracker().fit({**DETECTIONS, **table}).parameters["radar.range_std"]
     assert found == pytest.approx(5.0, rel=0.25)
@@ -277,8 +277,8 @@ def test_plots_recorded_twice_make_no_second_track(apart, share):
     with pytest.warns(UserWarning, match=r"^radar: \d+ % .*Is every plot recorded twice\?") as said:
         tracker = Tracker().fit(detections)
     assert len(said) == 1
-    assert tracker.parameters["radar.clutter_rate"] == pytest.approx(3.0, rel=0.3)
-    assert tracker.parameters["radar.range_std"] == pytest.approx(4.0, rel=0.3)
+    assert tracker.parameters["radar.clutter_rate"] == pytest.approx(3.0, rel=0.1)
+    assert tracker.parameters["radar.range_std"] == pytest.approx(4.0, rel=0.15)
     found = tracker.track(detections).filtered
     times, count = np.unique(found["time"], return_counts=True)
     assert 3.5 < count[times >= 10.0].mean() < 4.5

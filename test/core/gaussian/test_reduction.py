@@ -18,7 +18,6 @@ BOUNDS = Bounds(
     most=1000,
     least_mode=1.0,
 )
-RNG = np.random.default_rng(0)
 
 
 def bounds(**changed):
@@ -195,14 +194,14 @@ def test_merged_hypotheses_have_the_mean_snr_of_each_class():
 
 
 def mixture(row_label, modes=2, classes=3):
-    count = len(row_label)
-    factor = RNG.normal(0.0, 1.0, (count, modes, SIZE, SIZE))
+    count, rng = len(row_label), np.random.default_rng(row_label)
+    factor = rng.normal(0.0, 1.0, (count, modes, SIZE, SIZE))
     return Mixture(
         np.array(row_label),
-        RNG.uniform(0.0, 0.05, (count, modes, classes)),
-        RNG.normal(0.0, 100.0, (count, modes, SIZE)),
+        rng.uniform(0.0, 0.05, (count, modes, classes)),
+        rng.normal(0.0, 100.0, (count, modes, SIZE)),
         factor @ factor.swapaxes(-1, -2),
-        RNG.dirichlet(np.ones(4), (count, classes)),
+        rng.dirichlet(np.ones(4), (count, classes)),
     )
 
 
