@@ -74,11 +74,6 @@ class Measured(NamedTuple):
     correlation: FloatArray | None = None  # See `Detections.noise_correlation`, (M,)
     time_s: FloatArray | None = None  # Time relative to the stamp of the Gaussians, seconds, (M,)
 
-    @property
-    def times(self) -> FloatArray:
-        """The times as compiled functions take them."""
-        return NO_TIMES if self.time_s is None else self.time_s
-
 
 class WeightedGaussians(NamedTuple):
     """N Gaussians at a stamp."""

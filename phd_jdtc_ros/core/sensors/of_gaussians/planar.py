@@ -19,6 +19,7 @@ from ..gaussians import noise_covariance
 from .linearised import (
     GATE_SIGMA,
     LEAST_STD,
+    NO_TIMES,
     Expected,
     Linearised,
     Measured,
@@ -85,8 +86,9 @@ class PlanarGaussians(Linearised):
 
 def _plots(measured: Measured) -> _Plots:
     """Return measurements as compiled functions take them."""
+    times = NO_TIMES if measured.time_s is None else measured.time_s
     noise = noise_covariance(measured.noise_std, measured.correlation)
-    return frozen(_Plots(measured.measurement, noise, measured.times))
+    return frozen(_Plots(measured.measurement, noise, times))
 
 
 @inner

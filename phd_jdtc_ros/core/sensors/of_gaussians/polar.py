@@ -17,6 +17,7 @@ from . import polar_gate
 from .angles import angle_of
 from .linearised import (
     LEAST_STD,
+    NO_TIMES,
     Expected,
     Linearised,
     Measured,
@@ -75,7 +76,8 @@ class PolarGaussians(Linearised):
 
 def _plots(measured: Measured) -> Plots:
     """Return measurements as compiled functions take them."""
-    return frozen(Plots(measured.measurement, measured.noise_std, measured.times))
+    times = NO_TIMES if measured.time_s is None else measured.time_s
+    return frozen(Plots(measured.measurement, measured.noise_std, times))
 
 
 @compiled

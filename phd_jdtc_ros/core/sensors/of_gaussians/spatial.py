@@ -18,6 +18,7 @@ from .angles import wrapped
 from .linearised import (
     GATE_SIGMA,
     LEAST_STD,
+    NO_TIMES,
     Expected,
     Linearised,
     Measured,
@@ -66,9 +67,9 @@ class SpatialGaussians(Linearised):
         return Antenna(axes, read_only(self.pose), read_only(self.turn))
 
     def _plots(self, measured: Measured) -> SpatialPlots:
-        place, noise_std = measured.measurement, measured.noise_std
-        correction = self.sensor.log_correction(noise_std[:, 2])
-        return frozen(SpatialPlots(place, noise_std, measured.times, correction))
+        times = NO_TIMES if measured.time_s is None else measured.time_s
+        correction = self.sensor.log_correction(measured.noise_std[:, 2])
+        return frozen(SpatialPlots(measured.measurement, measured.noise_std, times, correction))
 
     def expected(self, mean: FloatArray, covariance: FloatArray) -> Expected:
         """Return the expected measurements of Gaussians."""
