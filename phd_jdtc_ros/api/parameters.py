@@ -29,7 +29,7 @@ DEFAULTS: Mapping[str, Any] = {
     "amplitude": "none",
     "detection_births.rates": [0.2],
     "detection_births.turn_rate_std": 0.02,
-    "detection_births.least_probability": 0.005,
+    "detection_births.least_probability": 0.0005,
 }
 # Parameters without a default; the user or a recording must provide them. Those of sensors by kind.
 REQUIRED = ("interval_s",)

@@ -70,3 +70,20 @@ def test_aircraft_keep_speed_and_number_through_a_blind_arc(seed, turn_rate):
                 assert off @ np.linalg.solve(spread, off) < 11.8
                 coasted += 1
     assert coasted > 50
+
+
+def test_a_smoothed_track_begins_at_a_first_detection_that_a_miss_follows():
+    rng, times = np.random.default_rng(3), np.arange(0.0, 48.0, PERIOD_S)
+    place = np.array([12e3, 15e3]) + times[:, None] * [150.0, -100.0]
+    true = np.array([times, np.hypot(*place.T), np.arctan2(place[:, 1], place[:, 0])]).T
+    noise = rng.normal(0.0, [0.0, 45.0, np.radians(0.08)], true.shape)
+    # The false detections are elsewhere.
+    false = [(time, rng.uniform(5e2, 1.1e5), rng.uniform(2.5, 5.5)) for time in times.repeat(20)]
+    rows = np.concatenate([np.delete(true + noise, 1, axis=0), false]).T
+    detections = dict(zip(("time", "range", "azimuth"), rows, strict=True))
+    given = {**parameters()}
+    given["approach"] = {**given["approach"], "clutter_rate": 20.0, "blind_sectors_deg": []}
+    tracks = Tracker(given).track(detections).smoothed
+    assert np.isin(times[:-1], tracks["time"]).all()
+    begin = tracks[tracks["time"] == 0.0]
+    assert np.hypot(begin["x"] - place[0, 0], begin["y"] - place[0, 1]).min() < 200.0

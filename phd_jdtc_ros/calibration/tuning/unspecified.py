@@ -40,23 +40,14 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "interval_s": round_to_std(look_s, 1e-3 * look_s),
         "lag_s": round_to_std(LAG_LOOKS * look_s, 0.1 * look_s),
         "classes": ["target"],
-        "motions": ["cv", "ct"],
         "births": [],
         "detection_births.rates": [0.2],
         "detection_births.velocity_std": round_to_std(SPEED_MARGIN * first.speed_std, 0.1),
         "detection_births.turn_rate_std": 0.02,
-        "detection_births.least_probability": 0.005,
+        "detection_births.least_probability": 0.0005,
         "spawn.rate": 0.0,
-        "target.motions": ["cv", "ct"],
-        "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
         "target.survival_probability": _survival_probability(found, look_s),
-        "cv.model": "constant_velocity",
-        "cv.noise_density": round_to_std(calm, calm),
-        "ct.model": "coordinated_turn",
-        "ct.noise_density": round_to_std(hard, hard),
-        "ct.turn_noise_density": 1e-4,
-        "ct.turn_time_constant_s": 40.0,
-    }
+    } | _motions(calm, hard)
     heights = [each.elevations.heights for each in found.values() if each.elevations]
     if heights:
         own = heights[0]
@@ -68,6 +59,27 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     if len(found) > 1 and whole:
         given["reorder_s"] = round_to_std(max(whole), 1e-3 * max(whole))
     return given | _amplitudes(found)
+
+
+def _motions(calm: float, hard: float) -> dict[str, Any]:
+    """Return straight motion, turns and rare manoeuvres, as in the profile for air traffic.
+
+    Speeds change as little in turns as in straight motion, by the `calm` level of accelerations,
+    m^2/s^3. Manoeuvres have the `hard` one, which braking and accelerating need.
+    """
+    names = ["cv", "ct", "hard"]
+    turn = {"model": "coordinated_turn", "turn_time_constant_s": 40.0}
+    by_motion = {
+        "cv": {"model": "constant_velocity", "noise_density": round_to_std(calm, calm)},
+        "ct": {**turn, "noise_density": round_to_std(calm, calm), "turn_noise_density": 1e-4},
+        "hard": {**turn, "noise_density": round_to_std(hard, hard), "turn_noise_density": 2e-3},
+    }
+    return {
+        "motions": names,
+        "target.motions": names,
+        "target.mode_transition": [0.949, 0.05, 0.001, 0.1, 0.899, 0.001, 0.1, 0.1, 0.8],
+        **{f"{name}.{key}": each for name in names for key, each in by_motion[name].items()},
+    }
 
 
 def _survival_probability(found: Mapping[str, Findings], look_s: float) -> float:

@@ -228,8 +228,10 @@ class Tracking:
     birth_least_probability: float = parameter(
         1e-4,
         "Smallest probability that a detection comes from a new target for which a target is born "
-        "at it. A larger value starts fewer targets near established ones. If all births are less "
-        "probable, as in dense clutter, half of their usual probability replaces it.",
+        "at it, and smallest probability that a target exists with which it is kept. A larger "
+        "value takes less time, and loses targets that are missed soon after their first "
+        "detection. If all births are less probable, as in dense clutter, half of their usual "
+        "probability replaces it.",
         (1e-12, 0.5),
         name="detection_births.least_probability",
     )

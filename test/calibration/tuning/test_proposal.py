@@ -432,10 +432,11 @@ def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimat
     ships = replace(found, timing=Timing(1.0), noise=noise, with_outliers=None)
     values = unspecified.parameters({"mast": ships}, {"mast": False})
     assert values["cv.noise_density"] < 0.2
-    assert values["ct.noise_density"] < 4.0
+    assert values["hard.noise_density"] < 4.0
     fast = replace(ships, noise=replace(noise, densities=(2.0, 90.0)))
     values = unspecified.parameters({"mast": fast}, {"mast": False})
-    assert (values["cv.noise_density"], values["ct.noise_density"]) == (2.0, 90.0)
+    levels = [values[f"{motion}.noise_density"] for motion in ("cv", "ct", "hard")]
+    assert levels == [2.0, 2.0, 90.0]
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
