@@ -135,7 +135,9 @@ def _unpacked(part: Path) -> Path:
 
 def _by_name(directory: Path) -> list[Path]:
     """Return the MCAP files of a directory; raise `BagError` with what it has instead."""
-    files = sorted(filter(Path.is_file, directory.iterdir()))
+    # Other systems leave a hidden companion of each file, such as ``._bag_0.mcap``.
+    named = (file for file in directory.iterdir() if not file.name.startswith("."))
+    files = sorted(filter(Path.is_file, named))
     found = [file for file in files if file.suffix.lower() == ".mcap"]
     for file in () if found else files:
         if fault := file_fault(file):

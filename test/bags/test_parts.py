@@ -63,6 +63,12 @@ def test_damaged_part_is_named_after_the_others_are_read(split, original):
     assert str(error).startswith(f"{split / 'split_0.mcap'}: is damaged: ")
 
 
+def test_hidden_companions_are_no_parts(split, original):
+    (split / "metadata.yaml").unlink()
+    (split / "._split_0.mcap").write_bytes(b"a resource fork")
+    assert read_all(split) == original
+
+
 def test_metadata_lists_the_parts_unless_it_is_of_other_files(split, original):
     shutil.copy(split / "split_0.mcap", split / "copy.mcap")
     assert read_all(split) == original
