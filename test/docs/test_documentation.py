@@ -167,7 +167,9 @@ def test_code_that_the_method_names_exists():
 
 
 def test_every_folder_of_the_source_is_on_a_page():
-    described = [folder for page in docstrings.described(NAVIGATION).values() for folder in page]
+    pages = docstrings.described(NAVIGATION)
+    assert [path for path, folders in pages.items() if not folders] == []
+    described = [folder for folders in pages.values() for folder in folders]
     tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness", "studies")
     packages = [path.parent for top in tops for path in (ROOT / top).rglob("__init__.py")]
 
