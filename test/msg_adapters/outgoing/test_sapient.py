@@ -79,6 +79,7 @@ def test_places_at_poles_and_the_date_line_are_valid(place):
     (_, *found) = reports(
         at((3.0, 1.0, 4.0, 1.0), (-3.0, 1.0, -4.0, 1.0)), SystemPlane((*place, 0.0))
     )
+    assert len(found) == 2
     for each in found:
         assert abs(each.detection_report.location.x) <= 180.0
         assert abs(each.detection_report.location.y) <= 90.0
