@@ -5,8 +5,8 @@ it. A limit is what was reached last: whoever gets below it lowers it. Only a ne
 one, by what it needs; the last ones were reports of ships and aircraft, and their decoders, heights
 and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
 replays too, the live picture, the trackers that share a track, the parameters of receivers of
-reports, which are listed now, the areas of clouds, climb rates and moving platforms in space, and
-trackers of self-reports alone.
+reports, which are listed now, the areas of clouds, climb rates and moving platforms in space,
+trackers of self-reports alone, and biases of radars that reports show.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
@@ -45,7 +45,7 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_100,
+    "lines of the product": 78_213,
     "files of the product": 431,
     "declared parameters": 161,
     "constants of modules per 1,000 lines": 12.6,

@@ -10,7 +10,7 @@ from ..arrays import BoolArray, FloatArray, IntArray, frozen, matches
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import Estimates
 from ..types.reports import NAME_SIZE, SelfReports
-from . import judgement, silence
+from . import bias, judgement, silence
 from .batches import Tables, batch_of, chains_of, describe_sources, selected
 from .looks import moments, take_look
 from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver, Reliability
@@ -18,6 +18,7 @@ from .owners import NUMBERED, OWN_LABELS, owner_probabilities, with_public
 from .pairs import Assumed, Used, adopted, take_reports
 from .smoothing import MAX_LINKS, links_of, mixture
 from .tables import (
+    Biases,
     LayerState,
     Learned,
     Links,
@@ -52,7 +53,11 @@ class SelfReporting(LayerState):
 
     @staticmethod
     def of(
-        receivers: tuple[Receiver, ...], noise_density: float, classes: int, look_s: float
+        receivers: tuple[Receiver, ...],
+        noise_density: float,
+        look_s: float,
+        classes: int,
+        radars: int,
     ) -> SelfReporting:
         """Return the layer before any report."""
         count, none = len(receivers), np.zeros(0, dtype=np.int64)
@@ -73,6 +78,7 @@ class SelfReporting(LayerState):
                 np.zeros(2, dtype=np.int64),
                 none,
             ),
+            Biases(np.zeros((radars, 2, 2)), np.zeros((radars, 2)), np.zeros(radars, np.int64)),
         )
 
     # Reports
@@ -190,8 +196,18 @@ class SelfReporting(LayerState):
             )
         )
         pairs = extended(self.pairs, 0)
-        take_look(rows, look, self.noise_density, pairs)
-        return self.changed(sources=sources, pairs=frozen(pairs))
+        take_look(rows, look, bias.corrected(self.biases, look), self.noise_density, pairs)
+        offset_std = self._assumed.offset_std[sources.receiver]
+        biases = bias.learned(
+            self.biases,
+            look,
+            rows.label,
+            sources,
+            self.pairs,
+            RELIABILITY.unsteady * self.noise_density,
+            offset_std**2 * bias.MEMORY_S / self.look_s,
+        )
+        return self.changed(sources=sources, pairs=frozen(pairs), biases=biases)
 
     def places(self, stamp_ns: int) -> FloatArray:
         """Return where the reports of each source expect it at a stamp, metres, (S, 2)."""
@@ -421,7 +437,7 @@ class SelfReporting(LayerState):
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the layer."""
-        for name in ("learned", "sources", "pairs", "tracks"):
+        for name in ("learned", "biases", "sources", "pairs", "tracks"):
             to_snapshot(getattr(self, name), snapshot, f"{NAME}.{name}")
         for index, links in enumerate(self.links):
             to_snapshot(links, snapshot, f"{NAME}.links.{index}")
@@ -434,6 +450,8 @@ class SelfReporting(LayerState):
         if not snapshot.names_below(NAME):
             return self
         sizes = {**SIZES, "N": NAME_SIZE, "C": self.classes, "K": len(self.receivers)}
+        sizes["R"] = len(self.biases.total)
+        biases = frozen(from_snapshot(Biases, snapshot, f"{NAME}.biases", sizes))
         learned = from_snapshot(Learned, snapshot, f"{NAME}.learned", sizes)
         sources = frozen(from_snapshot(Sources, snapshot, f"{NAME}.sources", sizes))
         pairs = frozen(from_snapshot(Pairs, snapshot, f"{NAME}.pairs", sizes))
@@ -448,5 +466,10 @@ class SelfReporting(LayerState):
             for index in range(len(snapshot.names_below(f"{NAME}.links")))
         )
         return self.changed(
-            sources=sources, pairs=pairs, tracks=tracks, links=links, learned=learned
+            sources=sources,
+            pairs=pairs,
+            tracks=tracks,
+            links=links,
+            learned=learned,
+            biases=biases,
         )

@@ -76,12 +76,14 @@ def _of_tracks(rows: Rows, look: Look) -> FloatArray:
 
 
 @compiled
-def take_look(rows: Rows, look: Look, density: float, pairs: Writeable[Pairs]) -> None:
+def take_look(
+    rows: Rows, look: Look, corrected: Look, density: float, pairs: Writeable[Pairs]
+) -> None:
     """Update pairs of sources and tracks with a look at the tracks.
 
     With the probabilities p(z) and p(0) that a track has the plot z or none, and the densities D(z)
     of its own filter and N(z) of the pair's, the evidence of the pair against the track's own
-    filter is p(0) + sum p(z) N(z) / D(z).
+    filter is p(0) + sum p(z) N(z) / D(z). For the pair the plots are `corrected`.
     """
     of_track = _of_tracks(rows, look)
     order, first = _by_target(look.target, len(rows.label))
@@ -105,7 +107,11 @@ def take_look(rows: Rows, look: Look, density: float, pairs: Writeable[Pairs]) -
             means[index], spreads[index] = pairs.mean[row], pairs.covariance[row]
             matrix[0, 2] = matrix[1, 3] = look.time_s[z]
             log_density, _ = observe(
-                State(means[index], spreads[index]), look.position[z], matrix, look.noise[z], 2
+                State(means[index], spreads[index]),
+                corrected.position[z],
+                matrix,
+                corrected.noise[z],
+                2,
             )
             share[index] = probability * math.exp(log_density) / of_track[pair]
             evidence += share[index]

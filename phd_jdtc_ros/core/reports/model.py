@@ -35,8 +35,9 @@ class Habits(NamedTuple):
 
 
 # AIS sends times in whole seconds, and its accuracy flag means 10 m (95 %); class B sends every
-# 30 s. See ITU-R M.1371.
-AIS = Habits(8.0, 1e8, 0.4, 4.0, 12.0, 1.0, 2000.0, 0.05, 30.0, 0.01, 20.0)
+# 30 s; see ITU-R M.1371. Receivers have speeds within 0.1 m/s and courses within 3 degrees
+# (IMO MSC.112(73)).
+AIS = Habits(8.0, 1e8, 0.25, 4.0, 12.0, 1.0, 4000.0, 0.05, 30.0, 0.01, 20.0)
 AIRCRAFT = Habits(250.0, 1e10, 1.0, 20.0, 50.0, 0.0, 20_000.0, 0.0, 1.0, 0.015, 10.0)
 HABITS = {ICAO: AIRCRAFT, MMSI: AIS}
 
@@ -102,8 +103,9 @@ class Receiver(ReadOnly):
         return found
 
 
-# Speed in knots below which a ship may be at anchor or moored, and then reports rarely.
-SLOWEST = 3.0
+# Speed in knots below which a ship may be at anchor or moored, and then reports rarely. The rules
+# have 3 knots for class A and 2 for class B, but say it of ships that do not make way.
+SLOWEST = 2.0
 
 
 class Reliability(NamedTuple):

@@ -123,8 +123,11 @@ class Look(NamedTuple):
     """What the update with a report says of its plots."""
 
     stamp_ns: int
+    radar: int  # Index of the radar
     position: Float2  # Of the plots in the world, at their own times, metres, (M, 2)
     noise: Float3  # Their covariances, (M, 2, 2)
+    # Errors in the plane of one standard deviation of each component, 0 if unknown, (M, 2, 2)
+    root: Float3
     time_s: Float1  # Their times relative to the stamp, (M,)
     target: Int1  # Index of each pair's target in `Rows.label`, (E,)
     column: Int1  # Its plot, (E,)
@@ -148,6 +151,14 @@ class Learned(NamedTuple):
     next: Annotated[IntArray, integers("B", 0)]
     # Cells in which each receiver heard sources, see `silence`.
     cells: Annotated[IntArray, integers("E", 0, ascending=True)]
+
+
+class Biases(NamedTuple):
+    """What is known of the biases of R radars, in their standard deviations; see `bias`."""
+
+    information: Annotated[FloatArray, floats("RBB", -1e15, 1e15)]
+    total: Annotated[FloatArray, floats("RB", -1e15, 1e15)]  # Information times bias
+    time_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]  # Of the last look
 
 
 class Links(NamedTuple):
@@ -211,6 +222,7 @@ class LayerState(ReadOnly):
     tracks: Tracks
     links: tuple[Links, ...]  # Of pairs back to earlier scans, oldest first
     learned: Learned
+    biases: Biases
 
     @property
     def losses(self) -> list[Losses]:

@@ -29,7 +29,8 @@ def layer_of(model: TrackerModel) -> Layer | None:
     from ..reports.beside import SelfReporting
 
     look_s = slowest_s(model) if model.radars else 0.0
-    return SelfReporting.of(model.receivers, model.noise_density, len(model.modes.classes), look_s)
+    sizes = len(model.modes.classes), len(model.radars)
+    return SelfReporting.of(model.receivers, model.noise_density, look_s, *sizes)
 
 
 def after_look(layer: Layer, view: View, prior: PriorMixture, posterior: Posterior) -> Layer:
@@ -46,8 +47,11 @@ def after_look(layer: Layer, view: View, prior: PriorMixture, posterior: Posteri
     look = frozen(
         Look(
             view.stamp_ns,
+            [each.name for each in prior.steps.model.radars].index(view.sensor.name),
             np.ascontiguousarray(plots.position[:, :2]),
             np.ascontiguousarray(plots.covariance[:, :2, :2]),
+            # Of errors of each plot's own the axes are not those of the radar.
+            (view.detections.noise_std is None) * np.ascontiguousarray(plots.root[:, :2, :2]),
             np.zeros(size) if times is None else times.copy(),
             of_target,
             pair % max(size, 1),

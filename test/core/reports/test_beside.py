@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,6 +25,7 @@ from runs import stored_and_read
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.reports.bias import CERTAIN
 from phd_jdtc_ros.core.types import TENTATIVE, SelfReports
 from phd_jdtc_ros.core.types.reports import ALARM, ICAO, LEFT, MMSI, SHARED
 
@@ -127,6 +129,38 @@ def test_a_source_is_tentative_while_a_radar_may_still_confirm_it():
     states = np.concatenate([each.track_state[each.reports.alone == 1] for each in filtered])
     assert len(states)
     assert (states == TENTATIVE).all()
+
+
+def test_a_biased_radar_is_corrected_in_pairs_by_what_reports_say():
+    """The radar's ranges are 30 m too large and its azimuths 0.6 degrees too small."""
+    wrong = np.array([30.0, np.radians(-0.6)])
+    scene = [
+        turn._replace(plots=replace(turn.plots, measurement=turn.plots.measurement + wrong))
+        for turn in turns(5, 150.0, [OK] * 6)
+    ]
+    pipeline = new_pipeline(configured({"ais.identity": "icao", "ais.offset_std": 5.0}))
+    told = frequent(scene)
+
+    def addressed(turn):
+        found = told(turn)
+        return found.changed(space=np.full(len(found), ICAO))
+
+    filtered, _ = fed(pipeline, scene, addressed)
+    for estimates, turn in zip(filtered[-20:], scene[-20:], strict=True):
+        for place in turn.truth:
+            row = nearest(estimates, place)
+            assert estimates.reports.owned[row] > ALARM
+            assert np.hypot(*(estimates.position[row] - place)) < 15.0
+    information, total, _ = pipeline.engine.forward.factors.reports.biases
+    # Of standard deviations of 12 m and 0.3 degrees.
+    found = np.linalg.solve(information[0], total[0]) * [12.0, np.radians(0.3)]
+    np.testing.assert_allclose(found, wrong, rtol=0.1)
+
+
+def test_antennas_off_the_middle_are_no_bias_of_a_radar():
+    for seed in (1, 2):
+        information, total, _ = tracked(seed)[0].engine.forward.factors.reports.biases
+        assert total[0] @ np.linalg.solve(information[0], total[0]) < CERTAIN
 
 
 def test_smoothed_estimates_of_equipped_ships_are_as_accurate_as_filtered_ones():
