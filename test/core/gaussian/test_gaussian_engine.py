@@ -326,10 +326,10 @@ def test_few_targets_in_little_clutter_are_tracked_by_the_general_profile():
         ]
         scene = paper_scenario(radars)
         scene = replace(scene, scans=16, targets=scene.targets[: seed % 3])
-        tracker = new_engine(config)
-        for truth, scan in simulate(scene, seed):
+        tracker, run = new_engine(config), simulate(scene, seed)
+        for _, scan in run:
             (estimates,) = tracker.step(scan).filtered
             assert np.isfinite(estimates.state).all()
         assert len(estimates) == len(scene.targets)
-        apart = np.linalg.norm(truth.position[:, None] - estimates.position, axis=2)
+        apart = np.linalg.norm(run[-1][0].position[:, None] - estimates.position, axis=2)
         assert (apart.min(axis=1, initial=1e9) < 500.0).all()
