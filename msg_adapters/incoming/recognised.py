@@ -37,10 +37,10 @@ FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0
 
 # Usual names of the fields of positions, likewise.
 POSITIONS: Mapping[str, Sequence[str]] = {
-    "fields.x": ("x", "pos_x", "position_x"),
-    "fields.y": ("y", "pos_y", "position_y"),
-    "fields.x_std": ("x_std", "sigma_x", "std_x"),
-    "fields.y_std": ("y_std", "sigma_y", "std_y"),
+    "fields.x": ("x", "pos_x", "position_x", "x_pos", "px", "center_x", "centroid_x"),
+    "fields.y": ("y", "pos_y", "position_y", "y_pos", "py", "center_y", "centroid_y"),
+    "fields.x_std": ("x_std", "sigma_x", "std_x", "x_rms"),
+    "fields.y_std": ("y_std", "sigma_y", "std_y", "y_rms"),
     "fields.correlation": ("correlation", "correlation_xy", "rho_xy"),
     "fields.vx": ("vx", "velocity_x", "vel_x"),
     "fields.vy": ("vy", "velocity_y", "vel_y"),
@@ -50,18 +50,24 @@ POSITIONS: Mapping[str, Sequence[str]] = {
 
 
 def is_of_positions(fields: Sequence[str]) -> bool:
-    """Return whether a cloud with these fields has positions, and no ranges and azimuths."""
+    """Return whether a cloud with these fields has positions, and not both ranges and azimuths."""
     present = {name.lower() for name in fields}
-    polar = ("fields.range", "fields.azimuth")
-    return {"x", "y"} <= present and not any(present & {*NAMES[name]} for name in polar)
+    polar, places = (
+        all(present.intersection(names[parameter]) for parameter in parameters)
+        for names, parameters in (
+            (NAMES, ("fields.range", "fields.azimuth")),
+            (POSITIONS, ("fields.x", "fields.y")),
+        )
+    )
+    return places and not polar
 
 
 def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     """Return the parameters for reading a sensor's clouds, None if they have no known place.
 
-    A range and an azimuth are a radar's, and x and y without both are positions. The parameters are
-    ``fields.range`` and so on, units and conventions, without the sensor's name. At least one of
-    the clouds, which are of one topic, must have points.
+    A range and an azimuth are a radar's, and x and y without one of them are positions. The
+    parameters are ``fields.range`` and so on, units and conventions, without the sensor's name. At
+    least one of the clouds, which are of one topic, must have points.
     """
     full = [cloud for cloud in clouds if cloud.width * cloud.height]
     if not full:
@@ -73,7 +79,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
         if usable:
             found[parameter] = usable[0]
     if not {"fields.range", "fields.azimuth"} <= set(found):
-        return _of_positions(full) if {"fields.range", "fields.azimuth"}.isdisjoint(found) else None
+        return _of_positions(full)
     found.setdefault("fields.amplitude", "")
     if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
         del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sensor_msgs.msg import PointField
 
 from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming import recognised
@@ -43,6 +44,11 @@ from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
+# Types of fields that no coordinate may have, by number.
+WHOLE = {
+    getattr(PointField, name): name
+    for name in ("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32")
+}
 # Messages of radars whose definition fixes their fields, by type.
 _DEFINED = {own.type_name: name for name, own in READERS.items() if own.definition}
 
@@ -189,15 +195,19 @@ def proposed(
     return values
 
 
-def parameters_of(source: Path) -> dict[str, Any]:
+def parameters_of(source: Path, note: Callable[[str], None]) -> dict[str, Any]:
     """Return parameters for a bag of which nothing is known, as `tune` proposes them.
 
-    Raise `BagError` if none of its topics is a sensor, or it is too short to tell their noise.
+    `note` is called with each remark on what they may have wrong. Raise `BagError` if none of its
+    topics is a sensor, or it is too short to tell their noise.
     """
     bag = BagReader(source)
     given = {**recognised_radars(bag), "births": []}
     recorded = read(bag, from_arguments.config_of(given))
     found = findings_of(source, recorded)
+    for name, each in found.items():
+        for text in proposal.remarks(each, given, name):
+            note(f"{name}: {text}")
     rows = {name: proposal.rows(each, given, name) for name, each in found.items()}
     return proposed(given, found, rows, recorded, specified=False)
 
@@ -209,11 +219,14 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     for topic, kind in sorted(bag.types.items()):
         if kind in _DEFINED:
             given: dict[str, Any] | None = {"message": _DEFINED[kind], **_frame_of(bag, topic)}
+        elif kind == names.DETECTIONS_3D:
+            given = {"kind": "position", "message": "detections_3d", **_frame_of(bag, topic)}
         elif kind == names.CLOUD:
             clouds = _clouds(bag, topic)
             given = recognised.parameters(clouds)
-            fields = sorted({field.name for cloud in clouds for field in cloud.fields})
-            seen.append(f"{topic} ({', '.join(fields)})")
+            fields = {(each.name, each.datatype) for cloud in clouds for each in cloud.fields}
+            shown = (f"{name} as {WHOLE[of]}" if of in WHOLE else name for name, of in fields)
+            seen.append(f"{topic} ({', '.join(sorted(shown))})")
         else:
             continue
         if given is None:
@@ -229,8 +242,9 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     if not found["sensors"]:
         raise BagError(
             f"{bag.path}: has no cloud with a range and an azimuth, or with x and y, that are "
-            f"recognised by their names; it has {'; '.join(seen) or 'no clouds at all'}. Name them "
-            "in a parameter file and give it as --params-file"
+            "recognised by their names and are FLOAT32 or FLOAT64, in metres; it has "
+            f"{'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file and give it "
+            "as --params-file"
         )
     return found
 

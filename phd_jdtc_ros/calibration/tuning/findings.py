@@ -35,7 +35,7 @@ from .rates import (
     without_neighbours,
 )
 from .rotation import Timing, timing_of
-from .start import first_guess
+from .start import first_guess, guess_of
 from .tracks import LinkModel, NoiseModel, Tracks, link_plots
 
 # The speed of slow targets: this quantile of the moving ones, each less SURE_SIGMA deviations.
@@ -410,10 +410,15 @@ def _candidates(
     fitting = replace(
         estimated, range_std=noise.range_std, azimuth_std=noise.azimuth_std, densities=(calm, hard)
     )
-    # Tracks break at manoeuvres, so that they underestimate the manoeuvres' density.
-    # Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
-    wild = replace(fitting, densities=(calm, 20.0 * max(hard, calm)))
-    return [fitting, wild, estimated]
+    # Tracks break at manoeuvres, so that they underestimate the manoeuvres' density: one of the
+    # tried guesses enlarges it. Among people who stand it may be nothing, so that this guess moves
+    # those of places by some four standard deviations between two looks.
+    wild = 20.0 * max(hard, calm)
+    if plots.places:
+        begin = guess_of(plots, timing, noise.range_std, noise.azimuth_std, estimated.speed_std)
+        wild = max(wild, 64.0 * begin.densities[1])
+    turning = replace(fitting, densities=(calm, wild))
+    return [fitting, turning, estimated]
 
 
 def _logarithms(guess: LinkModel) -> FloatArray:

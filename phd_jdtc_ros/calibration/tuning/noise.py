@@ -36,8 +36,9 @@ CLUTTER_PROBABILITY = 0.01
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
 SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
-# Step of the finite differences, and least logarithmic ratio of the second density to the first.
-STEP, LEAST_RATIO = 1e-3, np.log(4.0)
+# Step of the finite differences, and bounds of the logarithmic ratio of the second density to the
+# first.
+STEP, LEAST_RATIO, MOST_RATIO = 1e-3, np.log(4.0), np.log(1e9)
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def fit_noise(
     begin, bounds = _start(start, plots.places)
     # The likelihood is flat far from its maximum: a grid search first finds a start near it.
     grid = begin + _GRID
-    grid[:, :3] = np.maximum(grid[:, :3], [lowest for lowest, _ in bounds[:3]])
+    grid = np.clip(grid, *np.transpose(bounds))
     begin = grid[int(np.argmax(_log_likelihood(sequences, grid)))]
     _, noise = _search(sequences, begin, bounds)
     return noise
@@ -154,7 +155,7 @@ def _start(noise: Noise, places: bool) -> tuple[FloatArray, list[tuple[float, fl
     begin = np.maximum(np.log([noise.range_std, noise.azimuth_std, noise.densities[0]]), least)
     reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin - reach, least)
-    bounds = [*zip(lowest, begin + reach, strict=True), (LEAST_RATIO, DENSITY_SEARCH_WIDTH)]
+    bounds = [*zip(lowest, begin + reach, strict=True), (LEAST_RATIO, MOST_RATIO)]
     return np.append(begin, max(ratio, LEAST_RATIO)), bounds
 
 
@@ -184,9 +185,8 @@ def _search(
 
 _AXES = np.eye(4)
 _SCALES = np.log([0.2, 0.45, 1.0, 2.2, 5.0])
-_GRID = np.array(
-    [(a, b, c, 0.0) for a, b, c in product(_SCALES, _SCALES, np.log([1e-3, 1.0, 30.0]))]
-)
+# Among targets at rest the ratio of the densities may be far larger than among those that move.
+_GRID = np.array([*product(_SCALES, _SCALES, np.log([1e-3, 1.0, 30.0]), np.log([1.0, 1e3, 1e6]))])
 _OPTIONS = {"maxiter": 100, "ftol": 1e-11}
 
 

@@ -22,17 +22,16 @@ from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud
-from msg_adapters.incoming import moving_radars, positions
+from msg_adapters.incoming import moving_radars, positions, recognised
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
-from msg_adapters.incoming.recognised import is_of_positions
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.position_selection import EVERYWHERE
 from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS, TRANSFORM_TOPICS
-from phd_jdtc_ros.configuration.parameters.position import PositionParameters
+from phd_jdtc_ros.configuration.parameters.position import Fields, PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -386,7 +385,7 @@ class Recognition:
             return False
         if self.held and self.held[0].sensor != sensor:
             return False
-        if not is_of_positions(point_cloud.field_names(message)):
+        if not recognised.is_of_positions(point_cloud.field_names(message)):
             return False
         frame = message.header.frame_id
         usual = self.held[0].cloud.header.frame_id if self.held else frame
@@ -423,7 +422,13 @@ def _changes(
     from phd_jdtc_ros.calibration.tuning.rates import area_of
 
     name, reports, frame = own.name, [], clouds[0].header.frame_id
-    sensor = PositionParameters(name=name, frame=frame, area=EVERYWHERE)
+    shown = recognised.parameters(clouds) or {}
+    # Their own times are not: a time's unit and reference belong to a whole recording.
+    used = [what for what in recognised.POSITIONS if what in shown and what != "fields.time"]
+    fields = {what.removeprefix("fields."): shown[what] for what in used}
+    sensor = PositionParameters(
+        name=name, frame=frame, area=EVERYWHERE, fields=replace(Fields(), **fields)
+    )
     for cloud in clouds:
         try:
             report = positions.from_msg(cloud, sensor)
@@ -431,6 +436,7 @@ def _changes(
             continue
         reports.append((report.stamp_ns, report.detections))
     changes: dict[str, Any] = {f"{name}.kind": "position"}
+    changes |= {f"{name}.fields.{what}": value for what, value in fields.items()}
     if frame != own.frame:
         changes[f"{name}.frame"] = frame
     places = [found.measurement for _, found in reports if len(found)]

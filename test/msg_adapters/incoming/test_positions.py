@@ -185,13 +185,16 @@ def test_written_clouds_are_read_again():
         (("x", "y", "z", "intensity"), True),
         (("X", "Y"), True),
         (("x", "z"), False),
-        # A range or an azimuth, under any usual name, is a radar's.
+        (("pos_x", "pos_y", "pos_z"), True),
+        # A range and an azimuth, under any usual names, are a radar's; one alone is no place.
         (("x", "y", "z", "range", "azimuth"), False),
-        (("x", "y", "rho"), False),
-        (("x", "y", "Bearing"), False),
+        (("x", "y", "rho", "Bearing"), False),
+        (("x", "y", "z", "range", "ring"), True),
+        (("x", "y", "angle"), True),
+        (("range", "azimuth"), False),
     ],
 )
-def test_clouds_with_a_range_are_of_radars(fields, expected):
+def test_clouds_with_a_range_and_an_azimuth_are_of_radars(fields, expected):
     assert recognised.is_of_positions(fields) == expected
 
 

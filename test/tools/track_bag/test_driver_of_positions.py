@@ -50,6 +50,41 @@ def test_people_and_cars_of_a_table_are_found_and_nobody_is_hidden(seed):
     assert np.count_nonzero(at_sensor) > 20
 
 
+def strollers(seed):
+    """Return detections and truth of people who stroll and stand, seen once a second."""
+    rng, times = np.random.default_rng([seed, 3]), np.arange(150.0)
+    speed, course, turn = rng.uniform(0.8, 1.8, 6), rng.uniform(-np.pi, np.pi, 6), np.zeros(6)
+    walking, standing = (rng.uniform(-20.0, 20.0, (count, 2)) for count in (6, 5))
+    rows, truth = [], []
+    for time in times:
+        change = rng.random(6) < 0.1
+        turn = np.where(change, rng.choice([-0.5, 0.0, 0.5], 6), turn)
+        off = np.arctan2(-walking[:, 1], -walking[:, 0]) - course
+        inwards = 0.5 * np.sign(np.sin(off)) * (np.cos(off) < 0.7)
+        course = course + np.where(np.abs(walking).max(axis=1) > 20.0, inwards, turn)
+        walking = walking + speed[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
+        everybody = np.concatenate([walking, standing])
+        truth += [(time, label, *each) for label, each in enumerate(everybody.tolist(), start=1)]
+        seen = everybody[rng.random(len(everybody)) < 0.93]
+        false = rng.uniform(-30.0, 30.0, (rng.poisson(2.0), 2))
+        rows += [(time, *each) for each in seen + 0.08 * rng.standard_normal(seen.shape)]
+        rows += [(time, *each) for each in false]
+    names = "time", "label", "x", "y"
+    detections = dict(zip(("time", "x", "y"), np.transpose(rows), strict=True))
+    return detections, dict(zip(names, np.transpose(truth), strict=True))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_people_who_stand_do_not_hide_how_others_turn(seed):
+    detections, truth = strollers(seed)
+    tracker = Tracker().fit(detections)
+    assert tracker.parameters["ct.noise_density"] > 0.1
+    tracks = tracker.track(detections).filtered
+    scores = evaluate(truth, tracks, cutoff=1.5, times=np.unique(truth["time"]))
+    assert scores["missed"] < 0.03 * 11
+    assert scores["identity_switches"] < 5
+
+
 def test_a_bag_of_such_clouds_is_tracked_with_nothing_set(tmp_path, capsys):
     seed, entries = SEEDS[0], []
     for time, points in zip(street.TIMES, street.clouds(seed), strict=True):
