@@ -68,10 +68,12 @@ def scene(seed: int) -> Scene:
     places, velocities = np.empty((SCANS, OBJECTS, 3)), np.empty((SCANS, OBJECTS, 3))
     for scan in range(SCANS):
         turn = np.where(rng.random(OBJECTS) < 0.01, rng.choice([0.0, 0.25, -0.25], OBJECTS), turn)
+        # Near the edges they turn until they head for the middle, give or take 45 degrees.
         to_middle = 0.5 * SIDES - place
-        away = (np.cos(course) * to_middle[:, 0] + np.sin(course) * to_middle[:, 1]) < 0.0
+        ahead = np.cos(course) * to_middle[:, 0] + np.sin(course) * to_middle[:, 1]
         side = np.sign(np.cos(course) * to_middle[:, 1] - np.sin(course) * to_middle[:, 0])
-        outside = away & (np.abs(to_middle) > 0.4 * SIDES).any(axis=1)
+        away = ahead < 0.7 * np.hypot(*to_middle.T)
+        outside = away & (np.abs(to_middle) > 0.5 * SIDES - 10.0).any(axis=1)
         course = course + INTERVAL_S * np.where(outside, 0.8 * side, turn)
         velocity = usual[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
         place = place + INTERVAL_S * velocity

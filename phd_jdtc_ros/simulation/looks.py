@@ -22,7 +22,7 @@ class Looks(NamedTuple):
 
     time_s: FloatArray  # Seconds after scan 0, ascending for each target, (N,)
     state: FloatArray  # State of the target at the pass, (N, D)
-    exact: FloatArray  # Noise-free measurement, as in `SimulatedPlots.measurement`, (N, 2)
+    exact: FloatArray  # Noise-free measurement, as in `SimulatedPlots.measurement`, (N, Z)
     source: IntArray  # The track_id of the target, (N,)
 
 
@@ -57,8 +57,20 @@ class TurningRadar:
         """The antenna's revolutions at the end of the run."""
         return float(self.revolutions_at(np.array([self.scenario.duration_s]))[0])
 
+    def states(
+        self, flight: Flight, time_s: FloatArray, heights: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the states of a flight at times with the axes that the radar measures, (N, D).
+
+        `heights`, (N, 2), replace the heights and climb rates of the flight.
+        """
+        state = flight.states(time_s)
+        if not self.model.space.vertical:
+            return state
+        return np.column_stack([state, flight.heights(time_s) if heights is None else heights])
+
     def measure(self, state: FloatArray, time_s: FloatArray, height: FloatArray) -> FloatArray:
-        """Return noise-free (range, azimuth) of states at times; slant ranges with a site, (N, 2).
+        """Return noise-free measurements of states at times, with slant ranges at a site, (N, Z).
 
         `height`, (N,), is above the world's zero, metres.
         """
@@ -83,7 +95,7 @@ class TurningRadar:
         grid = np.arange(flight.start_s - rotation_s, end + 8 * rotation_s, rotation_s)
 
         def bearing_revolutions(time_s: FloatArray) -> FloatArray:
-            plane = self.scenario.measure(self.index, flight.states(time_s), time_s)
+            plane = self.scenario.measure(self.index, self.states(flight, time_s), time_s)
             return self.antenna.revolutions_to(plane[:, 1])
 
         unwrapped = np.unwrap(bearing_revolutions(grid), period=1.0)
@@ -104,7 +116,8 @@ class TurningRadar:
 
         Targets in gaps are left out; targets outside the radar's ranges and azimuths are not.
         """
-        nothing = np.zeros(0), np.zeros((0, len(self.model.space))), np.zeros((0, 2))
+        axes, components = len(self.model.space), len(self.model.components)
+        nothing = np.zeros(0), np.zeros((0, axes)), np.zeros((0, components))
         parts = [Looks(*nothing, np.zeros(0, dtype=np.int64))]
         for number, flight in enumerate(self.scenario.flights, start=1):
             time = self.passes(flight)
@@ -127,13 +140,14 @@ class TurningRadar:
         time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
         found = self._looks_at(number, time[~self.scenario.is_hidden(number, time)])
         azimuth = self.measure(state, zero, zero)[0, 1]
-        exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
-        return found._replace(exact=exact)
+        found.exact[:, 1] = azimuth
+        return found
 
     def _looks_at(self, number: int, time_s: FloatArray) -> Looks:
         """Return the looks at a target at given times, without those outside the elevations."""
-        state = self.scenario.flights[number - 1].states(time_s)
-        height = self.scenario.height(number, time_s)
+        flight = self.scenario.flights[number - 1]
+        heights = self.scenario.heights(number, time_s)
+        height, state = heights[:, 0], self.states(flight, time_s, heights)
         exact = self.measure(state, time_s, height)
         found = Looks(time_s, state, exact, np.full(len(time_s), number))
         if self.layout.site is None:
@@ -150,7 +164,7 @@ class TurningRadar:
         scenario = self.scenario
         if not scenario.most_radars:
             return np.ones(len(time_s), dtype=np.bool_)
-        state = flight.states(time_s)
+        state = self.states(flight, time_s)
         exact = [scenario.measure(k, state, time_s) for k in range(len(scenario.radars))]
         sees = [
             radar.visibility.probability_in_view(z) > 0.0

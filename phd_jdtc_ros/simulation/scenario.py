@@ -157,8 +157,8 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.biases and not self.turning:
             raise ConfigError("biases: given, must be none where no radar turns")
-        if self.turning and any(radar.space.vertical for radar in self.radars):
-            raise ConfigError("state: space given, must be plane where a radar turns")
+        if self.turning and self.platform and any(radar.space.vertical for radar in self.radars):
+            raise ConfigError("state: space given, must be plane where a radar on a platform turns")
         if not self.antennas:
             usual = tuple(default_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
@@ -177,7 +177,7 @@ class Scenario:
         return self.platform if carries else None
 
     def measure(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
-        """Return noise-free (range, azimuth) of states (N, D) from a radar's pose, shape (N, 2).
+        """Return noise-free measurements of states (N, D) from a radar's pose, shape (N, Z).
 
         `time_s`, shape (N,), has their times after scan 0, seconds.
         """
@@ -220,11 +220,14 @@ class Scenario:
             for target in self.targets
         )
 
-    def height(self, number: int, time_s: FloatArray) -> FloatArray:
-        """Return the heights of a target, by number from 1, at times after scan 0, metres, (N,)."""
+    def heights(self, number: int, time_s: FloatArray) -> FloatArray:
+        """Return the heights and climb rates of a target, by number from 1, (N, 2).
+
+        `time_s`, (N,), is after scan 0; metres and metres per second.
+        """
         if self.transponders is not None:
-            return self.replies_of[number].height(time_s)[:, 0]
-        return self.flights[number - 1].heights(time_s)[:, 0]
+            return self.replies_of[number].height(time_s)
+        return self.flights[number - 1].heights(time_s)
 
     @cached_property
     def replies_of(self) -> dict[int, ReplyContent]:

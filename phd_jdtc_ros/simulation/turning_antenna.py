@@ -47,7 +47,8 @@ class SimulatedPlots(NamedTuple):
     # Revolutions of the antenna from the start of scan 0's revolution to the measured azimuth,
     # ascending, (M,).
     revolutions: FloatArray
-    # Range and azimuth, (M, 2); slant range and azimuth from true east for a radar with a site.
+    # Range and azimuth, and elevation in space, (M, Z); slant range and azimuth from true east for
+    # a radar with a site.
     measurement: FloatArray
     amplitude: FloatArray  # (M,)
     source: IntArray  # The track_id of each plot's target, (M,); 0 for clutter
@@ -91,7 +92,7 @@ def _detect(
 ) -> SimulatedPlots:
     """Return the plots that a radar detects.
 
-    The antenna points at the true azimuths, of `exact` (N, 2), at `time_s`, (N,).
+    The antenna points at the true azimuths, of `exact` (N, Z), at `time_s`, (N,).
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
     revolutions = radar.revolutions_at(time_s) + (-moved if radar.antenna.clockwise else moved)
@@ -102,11 +103,11 @@ def _detect(
 def _reflector_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:
     whole = (Leg(max(radar.scenario.duration_s, radar.model.rotation_s)),)
     for kind in radar.scenario.reflectors:
-        exact, times = [np.zeros((0, 2))], [np.zeros(0)]
+        exact, times = [np.zeros((0, len(radar.model.components)))], [np.zeros(0)]
         for point in kind.points:
             still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
             time = radar.passes(still)
-            exact.append(radar.scenario.measure(radar.index, still.states(time), time))
+            exact.append(radar.scenario.measure(radar.index, radar.states(still, time), time))
             times.append(time)
         true, time = np.concatenate(exact), np.concatenate(times)
         none = np.zeros(len(true), dtype=np.int64)
@@ -122,13 +123,13 @@ def _mirror_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[Sim
                 continue
             own = radar.looks_beside(number, mirror.position)
             position = own.state[:, axes]
-            detour = mirror.detour(position, radar.model)
-            exact = own.exact + np.stack([detour, np.zeros(len(detour))], axis=1)
-            observed = observe(exact, np.full(len(exact), flight.snr), radar.model, rng)
+            own.exact[:, 0] += mirror.detour(position, radar.model)
+            snr = np.full(len(own.exact), flight.snr)
+            observed = observe(own.exact, snr, radar.model, rng)
             reflected = observed.seen & mirror.reflects(position, radar.model, rng)
             observed = observed._replace(seen=reflected)
-            none = np.zeros(len(exact), dtype=np.int64)
-            yield _detect(radar, own.time_s, exact, observed, none, own.source)
+            none = np.zeros(len(snr), dtype=np.int64)
+            yield _detect(radar, own.time_s, own.exact, observed, none, own.source)
 
 
 def _clutter(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
@@ -202,11 +203,13 @@ def truth_and_reports(
 
 
 def check_sites(inputs: Sequence[RadarParameters]) -> None:
-    """Refuse staring radars on the round earth, which are simulated over a plane only."""
+    """Refuse radars on the round earth that stare or measure elevations."""
     faults = [
         f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
+        if not radar.rotation_s
+        else f"{radar.name}.geodetic: given, must be empty to simulate a radar with state: space"
         for radar in inputs
-        if radar.site is not None and not radar.rotation_s
+        if radar.site is not None and not (radar.rotation_s and radar.height_prior is None)
     ]
     if faults:
         raise ConfigError(*faults)
@@ -291,7 +294,7 @@ def _heights(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatA
     height = np.full(len(source), np.nan)
     for number in np.unique(source[source > 0]).tolist():
         own = source == number
-        height[own] = scenario.height(number, time_s[own])
+        height[own] = scenario.heights(number, time_s[own])[:, 0]
     return height
 
 
@@ -305,9 +308,10 @@ def _read(
     """Return detections with the ground ranges that a reader computes from reported heights.
 
     `found` has the ground ranges at the true heights. With a site, slant ranges are converted by
-    `to_plane` instead.
+    `to_plane` instead, and in space they stay.
     """
-    if layout.site is not None or found.height is None:
+    in_space = layout.height_prior is not None
+    if layout.site is not None or found.height is None or in_space:
         return found
     true, reading = _heights(scenario, source, time_s), HeightProjection(layout.height)
     return replace(found, measurement=reading.at(found.measurement, true, found.height))

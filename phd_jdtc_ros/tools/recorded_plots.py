@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import PointField
 
 from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming import recognised
@@ -44,11 +43,6 @@ from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
-# Types of fields that no coordinate may have, by number.
-WHOLE = {
-    getattr(PointField, name): name
-    for name in ("INT8", "UINT8", "INT16", "UINT16", "INT32", "UINT32")
-}
 # Messages of radars whose definition fixes their fields, by type.
 _DEFINED = {own.type_name: name for name, own in READERS.items() if own.definition}
 
@@ -224,9 +218,8 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
         elif kind == names.CLOUD:
             clouds = _clouds(bag, topic)
             given = recognised.parameters(clouds)
-            fields = {(each.name, each.datatype) for cloud in clouds for each in cloud.fields}
-            shown = (f"{name} as {WHOLE[of]}" if of in WHOLE else name for name, of in fields)
-            seen.append(f"{topic} ({', '.join(sorted(shown))})")
+            fields = sorted({field.name for cloud in clouds for field in cloud.fields})
+            seen.append(f"{topic} ({', '.join(fields)})")
         else:
             continue
         if given is None:

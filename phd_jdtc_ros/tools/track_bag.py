@@ -321,10 +321,7 @@ def _config(arguments: argparse.Namespace, source: Path) -> TrackerConfig:
     if not known and bag_parameters.read(source) is None:
         bag, usual = BagReader(source), from_arguments.config_of({})
         if not any(own.topic in bag.types for own in usual.inputs):
-
-            def note(text: str) -> None:
-                print(f"track_bag: {text}", file=sys.stderr)
-
+            note = partial(print, "track_bag:", file=sys.stderr)
             note(f"{source} has no parameters; its topics, fields and noise are found as by tune")
             return from_arguments.config_of(recorded_plots.parameters_of(source, note))
     return command.tracker_config(arguments, source)

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phd_jdtc_ros import Tracker, evaluate
+from phd_jdtc_ros import simulate as simulate_tables
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import yaml_files
@@ -36,3 +38,19 @@ def test_aircraft_are_tracked_with_their_heights(name, in_height):
     known = np.array(errors)[np.isfinite(errors)]
     assert len(known) > 0.9 * total
     assert np.median(np.abs(known)) < in_height
+
+
+@pytest.mark.filterwarnings("ignore:.*clouds are missing by the stamps")
+def test_a_radar_that_turns_tracks_aircraft_with_their_heights_sector_by_sector():
+    run = simulate_tables(SCENARIOS / "turning_3d.yaml", seed=6)
+    assert len(np.unique(run.detections["time"])) > 500  # of the sectors with detections
+    for tracks, height_rms in zip(
+        Tracker(run.parameters).track(run.detections), (130.0, 80.0), strict=True
+    ):
+        later = tracks[tracks["time"] > 1040.0]
+        times = np.unique(later["time"])
+        scores = evaluate(run.truth, later, cutoff=1000.0, times=times)
+        assert scores["missed"] < 0.05 * 8
+        assert scores["false"] < 0.3
+        assert scores["identity_switches"] == 0
+        assert scores["height_rms"] < height_rms

@@ -13,6 +13,7 @@ from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 from phd_jdtc_ros.simulation.targets import Flight, Leg
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 LOW, HIGH = -2.0, 40.0
 PARAMETERS = {
@@ -159,6 +160,36 @@ def test_radars_on_a_platform_that_swings_measure_from_its_pose():
     assert scenario.poses()[-1][1].height == pytest.approx(30.0 + 0.5 * 119.0)
 
 
-def test_turning_radars_are_refused_in_space():
-    with pytest.raises(ConfigError, match="state: space given, must be plane where a radar turns"):
-        scene(**{"dome.rotation_s": 4.0})
+def test_a_radar_that_turns_sees_targets_at_their_heights_when_its_beam_passes():
+    turning = {"rotation_s": 4.0, "fields.time": "time", "sectors": 8}
+    config, scenario = scene(**{f"dome.{name}": value for name, value in turning.items()})
+    assert scenario.turning
+    dome, reports = config.model.radars[0], simulate_reports(scenario, config.radars, 3)
+    errors, rates, elevations, seen = [], [], [], 0
+    for report in reports:
+        if report.radar:  # flat stares beside it
+            assert report.detections.measurement.shape[1:] == (3,)
+            continue
+        found, sources = report.detections, report.source
+        assert 2 not in sources  # it is above the field of view
+        elevations += found.measurement[sources == 0, 2].tolist()
+        for row in np.flatnonzero(sources == 1):
+            after_s = report.stamp_ns * 1e-9 - 1000.0 + float(found.time_s[row])
+            time, flight = np.array([after_s]), scenario.flights[0]
+            state = np.column_stack([flight.states(time), flight.heights(time)])
+            errors.append(dome.wrap(found.measurement[row] - dome.measure(state)[0]))
+            rates.append(found.range_rate[row] - dome.range_rate_of(state)[0])
+            seen += 1
+    assert seen == pytest.approx(0.95 * 119.0 / 4.0, abs=4.0)
+    np.testing.assert_allclose(np.std(errors, axis=0) / dome.noise_std, 1.0, atol=0.4)
+    assert np.std(rates) == pytest.approx(dome.range_rate.std, rel=0.4)
+    assert np.degrees([min(elevations), max(elevations)]) == pytest.approx([LOW, HIGH], abs=1.0)
+
+
+def test_turning_radars_on_platforms_are_refused_in_space():
+    ship = {"radars": ["dome"], "position": [0.0, 0.0], "velocity": [1.0, 0.0]}
+    document = {**DOCUMENT, "platform": {**ship, "legs": [{"duration_s": 140.0}]}}
+    turning = {"dome.rotation_s": 4.0, "dome.fields.range_rate": "", "dome.pose": "/ship/odom"}
+    config = resolve({**PARAMETERS, **turning, "world_frame": "map"})
+    with pytest.raises(ConfigError, match="must be plane where a radar on a platform turns"):
+        scenario_file.resolve(document, config.model.radars)

@@ -54,7 +54,7 @@ def test_ranges_over_ground_use_the_heights_of_the_plots():
         rows = np.flatnonzero(report.source)
         source, time_s = report.source[rows], report.detections.time_s[rows]
         then = report.stamp_ns * 1e-9 - 1000.0 + time_s
-        true = [run.height(int(n), np.array([t]))[0] for n, t in zip(source, then, strict=True)]
+        true = [run.heights(int(n), np.array([t]))[0, 0] for n, t in zip(source, then, strict=True)]
         said = report.detections.height[rows]
         distance = report.detections.measurement[rows, 0]
         wanted = exact.detections.measurement[rows, 0] ** 2 + np.square(true)
@@ -168,7 +168,7 @@ def test_aircraft_take_off_from_the_ground_and_land_on_it():
     run = scenario_file.resolve(document, config.model.radars)
     began = landed = 0
     for number, flight in enumerate(run.flights, start=1):
-        first, last = run.height(number, np.array([flight.start_s, flight.end_s]))
+        first, last = run.heights(number, np.array([flight.start_s, flight.end_s]))[:, 0]
         if 40.0 < np.hypot(*flight.velocity) < 85.0:
             began += 1
             assert first == 0.0

@@ -21,7 +21,7 @@ from phd_jdtc_ros.simulation.simulate import simulate, simulate_with_sources
 ROOT = Path(__file__).parents[2]
 # Aircraft in space, and cars with elevations, are in sight of some radars only.
 IN_SPACE = {"air_3d", "cars_4d", "two_slant"}
-# Only the studies simulate these, and no bag of them is shipped.
+# Only studies and tests simulate these, and no bag of them is shipped.
 OF_STUDIES = {
     "joining_aircraft",
     "loud_clutter",
@@ -32,6 +32,7 @@ OF_STUDIES = {
     "snr_20_db",
     "snr_28_db",
     "three_biased_radars",
+    "turning_3d",
     "two_qualities",
     "weak_12_db",
     "weak_15_db",
@@ -54,7 +55,9 @@ FILES = [path for path in ALL_FILES if path not in (*TURNING, *COASTAL)]
 AUTOMOTIVE = ROOT / "config" / "scenarios" / "automotive.yaml"
 # MADAP has flights of an hour, and tests of its own; so have radars with systematic errors, and the
 # study of aircraft that join. Aircraft in space are in sight of some radars only.
-OF_THEIR_OWN = ("air_3d", "joining_aircraft", "madap", "three_biased_radars", "two_slant")
+OF_THEIR_OWN = (
+    *("air_3d", "joining_aircraft", "madap", "three_biased_radars", "turning_3d", "two_slant"),
+)
 OTHERS = [*TURNING, *COASTAL, AUTOMOTIVE]
 WITH_SCANS = [path for path in DEFINED if path not in OTHERS and path.stem not in OF_THEIR_OWN]
 # Targets are scored in so many scans, after so many.
