@@ -27,8 +27,8 @@ from phd_jdtc_ros.quoting import counts_text
 # Largest number of reasons in a message, and the parameters to check for each reason.
 MAX_LISTED = 3
 PARAMETERS = {
-    "amplitude": "amplitude_unit",
-    "azimuth": "azimuth_unit",
+    "amplitude": "units.amplitude",
+    "azimuth": "units.azimuth",
     "frame": "frame",
     "height": "height, geodetic",
     "late": "reorder_s, late_reports",
@@ -37,7 +37,7 @@ PARAMETERS = {
     POSE_MISSING: "pose",
     "range": "min_range, max_range",
     "schema": "fields",
-    "time": "time_unit, time_reference, rotation_s",
+    "time": "units.time, units.time_reference, rotation_s",
 }
 
 

@@ -231,7 +231,7 @@ def _of_scene(name: str, seed: int) -> Figures:
     radars = [radar for radar in scenario.radars if isinstance(radar, SpatialRadar)]
     places = np.concatenate([truth.position for truth, _ in run])
     far = float(np.median(np.hypot(*places.T)))
-    climb_std = float(parameters["detection_births.climb_std"])
+    climb_std = float(parameters["detection_births.std"][2])
     given = {
         SPACE: parameters,
         PLANE: in_plane(parameters),

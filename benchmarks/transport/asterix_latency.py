@@ -42,7 +42,7 @@ LOOPBACK = "127.0.0.1"
 CHANGES: dict[str, Any] = {
     **traffic.AT_EVERY_SECTOR,
     "engine": "gaussian",
-    "approach.azimuth_convention": "enu_ccw",
+    "approach.units.azimuth_convention": "enu_ccw",
     "approach.fields.sector": "sector",
 }
 # The time of tracks is the middle of a sector or, before the rotation is known, its end; tolerance

@@ -68,7 +68,7 @@ def to_msg(
     place = {"x": level * np.cos(azimuth), "y": level * np.sin(azimuth)}
     place["z"] = distance * np.sin(up)
     columns = {**place, **sent_columns.of(detections, stamp_ns, radar)}
-    wide = {radar.fields.time} if radar.time_since_epoch else frozenset()
+    wide = {radar.fields.time} if radar.units.since_epoch else frozenset()
     return point_cloud.encode(stamp_ns, frame, columns, wide)
 
 
@@ -86,7 +86,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     """
     require_frame(cloud.header.frame_id, radar)
     radar = _recognise_fields(radar, point_cloud.field_names(cloud))
-    columns, missing = read_columns(cloud, radar.fields, radar.time_since_epoch, EXPECTED)
+    columns, missing = read_columns(cloud, radar.fields, radar.units.since_epoch, EXPECTED)
     report = select(stamps.of_input(cloud.header), radar, columns)
     return replace(report, anomalies=report.anomalies + missing) if missing else report
 
@@ -107,8 +107,9 @@ def _recognise_fields(radar: RadarParameters, present: Collection[str]) -> Radar
         for quantity, names in lacking.items()
         if not own.keys().isdisjoint(names)
     }
-    in_db = found.get("amplitude", "amplitude").lower() != "amplitude" or radar.amplitude_in_db
-    return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
+    in_db = found.get("amplitude", "amplitude").lower() != "amplitude" or radar.units.in_db
+    units = replace(radar.units, amplitude="db" if in_db else "linear")
+    return replace(radar, fields=replace(radar.fields, **found), units=units)
 
 
 def read_columns(

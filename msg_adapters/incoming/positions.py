@@ -39,7 +39,7 @@ def from_msg(cloud: PointCloud2, own: PositionParameters) -> Report:
     """
     require_frame(cloud.header.frame_id, own)
     fields = own.fields if own.height_prior else replace(own.fields, z="", z_std="", vz="")
-    columns, missing = read_columns(cloud, fields, own.time_since_epoch, EXPECTED)
+    columns, missing = read_columns(cloud, fields, own.units.since_epoch, EXPECTED)
     report = select(stamps.of_input(cloud.header), own, columns)
     return replace(report, anomalies=report.anomalies + missing) if missing else report
 
@@ -75,7 +75,7 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
         "detection_type": np.maximum(kind, 0).astype(np.uint8),
     }
     sent = {name: columns[what] for what, name in names.items() if what in columns}
-    wide = {own.fields.time} if own.time_since_epoch else frozenset()
+    wide = {own.fields.time} if own.units.since_epoch else frozenset()
     return point_cloud.to_cdr(stamp_ns, own.frame, sent, wide)
 
 

@@ -17,6 +17,7 @@ from std_msgs.msg import Header
 from phd_jdtc_ros.columns import ground_ranges, sent_columns
 from phd_jdtc_ros.columns.selection import Report, select
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
+from phd_jdtc_ros.configuration.parameters.sensor import Units
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
@@ -114,7 +115,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarParameters) -> byt
 
 def _fixed_convention(radar: RadarParameters) -> RadarParameters:
     """Return a radar's input with the units and conventions of the message."""
-    return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
+    return replace(radar, units=Units(amplitude="db"))
 
 
 def _require_size(count: int) -> None:

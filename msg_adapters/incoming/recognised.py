@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
+from phd_jdtc_ros.configuration.parameters.sensor import TIME_UNITS
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -87,7 +87,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
         found.update(_elevations(full, found["fields.elevation"]))
     found.update(_azimuths(full, found["fields.azimuth"]))
     if found["fields.amplitude"].lower() in IN_DB:
-        found["amplitude_unit"] = "db"
+        found["units.amplitude"] = "db"
     if "fields.time" in found:
         times = _times(full, found["fields.time"])
         if times is None:
@@ -153,7 +153,7 @@ def _elevations(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
     unit = "deg" if np.abs(elevation[known]).max(initial=0.0) > 0.5 * np.pi else "rad"
     down = up is not None and bool(np.nansum(elevation * up) < 0.0)
     words = f"down_{unit}" if down else unit
-    return {} if words == "rad" else {"elevation_unit": words}
+    return {} if words == "rad" else {"units.elevation": words}
 
 
 def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
     if azimuth is None:
         return {}
     unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
-    settings: dict[str, Any] = {"azimuth_unit": unit}
+    settings: dict[str, Any] = {"units.azimuth": unit}
     if ahead is None or left is None or not np.nan_to_num([ahead, left]).any():
         return settings
     true = np.arctan2(left, ahead)
@@ -173,7 +173,7 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
             fits[units, convention] = float(np.nanmean(np.cos(counted - true)))
     (units, convention), fit = max(fits.items(), key=lambda entry: entry[1])
     if fit > 0.99:
-        settings = {"azimuth_unit": units, "azimuth_convention": convention}
+        settings = {"units.azimuth": units, "units.azimuth_convention": convention}
     return settings
 
 
@@ -198,5 +198,5 @@ def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
             # Times within this of the stamp, seconds, give no evidence of their unit.
             near = [unit for unit, off in farthest.items() if 1e-4 < off < limit_s]
             if near:
-                return {"time_unit": near[0], "time_reference": reference}
+                return {"units.time": near[0], "units.time_reference": reference}
     return None

@@ -28,9 +28,10 @@ DEFAULTS: Mapping[str, Any] = {
     "classes": ["target"],
     "amplitude": "none",
     "detection_births.rates": [0.2],
-    "detection_births.turn_rate_std": 0.02,
+    "detection_births.std": [40.0, 0.02],
     "detection_births.least_probability": 0.0005,
 }
+TURN_RATE_STD = 0.02  # Of targets that are born at detections, rad/s
 # Parameters without a default; the user or a recording must provide them. Those of sensors by kind.
 REQUIRED = ("interval_s",)
 REQUIRED_OF_SENSORS: Mapping[str, Sequence[str]] = {
@@ -100,11 +101,11 @@ class Parameters:
             if values.get(f"{name}.pose", "fixed") != "fixed"
         ]
         faults += [
-            f"{name}.time_reference: must be epoch where fields.time is {TIME}, the column that "
-            "separates scans"
+            f"{name}.units.time_reference: must be epoch where fields.time is {TIME}, the column "
+            "that separates scans"
             for name in self.radars
             if values.get(f"{name}.fields.time") == TIME
-            and values.get(f"{name}.time_reference") != "epoch"
+            and values.get(f"{name}.units.time_reference") != "epoch"
         ]
         if faults:
             raise ConfigError(*faults)
@@ -137,7 +138,10 @@ class Parameters:
                 if f"{name}.max_range" in known:
                     values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
             if known.get(f"{name}.fields.time") == TIME:
-                values[f"{name}.time_reference"] = "epoch"
+                values[f"{name}.units.time_reference"] = "epoch"
+        births = known.get("detection_births.std", ())
+        if len(births) == 1:
+            known["detection_births.std"] = [*births, TURN_RATE_STD]
         return {**values, **known}
 
     def _kind_of(self, name: str, columns: Collection[str]) -> str:
@@ -242,7 +246,7 @@ def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in given.items():
         radar, _, what = name.partition(".")
         if what == "fields.time" and value == TIME:
-            found |= {f"{radar}.time_reference": "epoch", f"{radar}.time_unit": "s"}
+            found |= {f"{radar}.units.time_reference": "epoch", f"{radar}.units.time": "s"}
         elif what == "pose" and value != "fixed":
             del found[name]
             text = f"{name}: {value!r} is not used, because tables have no poses: {radar} rests"

@@ -290,7 +290,8 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
-    given = {"fields.time": TIME, "time_reference": "epoch", "time_unit": "s", "fields.sector": ""}
+    given = {"fields.time": TIME, "fields.sector": ""}
+    given |= {"units.time_reference": "epoch", "units.time": "s"}
     timed = [radar.name for radar in config.radars if radar.fields.time]
     changes = {f"{name}.{key}": value for name in timed for key, value in given.items()}
     return resolve({**config.values, **changes}, SystemPlane)

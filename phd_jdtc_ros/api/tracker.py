@@ -52,7 +52,7 @@ class Tracker:
         appear anywhere. ``interval_s`` and each radar's ``range_std``, ``azimuth_std_deg`` and
         ``max_range``, or for positions ``position_std`` and ``area``, must be given, or estimated
         by `fit`. Without `fit` also set
-        ``detection_births.velocity_std``, because targets that are several times faster than its
+        ``detection_births.std``, because targets that are several times faster than its
         40 m/s may not be found. A str or a path is a parameter file of the node, with the node's
         defaults.
 
@@ -73,7 +73,7 @@ class Tracker:
     Tables of detections are mappings of column to values, data frames, structured arrays or paths
     of CSV files. Their columns are ``time`` (seconds, or dates), ``radar`` (its name; with several
     radars), and either ``range`` and ``azimuth`` (metres; radians counter-clockwise from the
-    radar's x axis, or as ``azimuth_unit`` and ``azimuth_convention`` define) or ``x`` and ``y``
+    radar's x axis, or as ``units`` define) or ``x`` and ``y``
     (metres, in the sensor's frame, which is the world's unless ``position`` and ``yaw_deg`` are
     given) or ``lat`` and ``lon`` (degrees; they become x and y about ``world_origin``). Positions
     may have deviations, ``x_std``, ``y_std`` and ``correlation``, or ``position_std`` along both

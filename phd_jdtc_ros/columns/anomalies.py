@@ -220,10 +220,10 @@ def _words(component: str) -> str:
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     """Return the warning about azimuths beyond one revolution."""
-    if radar.azimuth_in_degrees:
+    if radar.units.in_degrees:
         return f"{count} azimuths beyond 360 degrees; are they degrees, and not gradians?"
     cause = (
-        f"degrees, set {radar.name}.azimuth_unit to deg"
+        f"degrees, set {radar.name}.units.azimuth to deg"
         if radar.named_fields
         else f"the driver sends degrees, but {radar.message} is defined in radians"
     )
@@ -285,11 +285,11 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     ),
     "azimuths_in_radians": lambda radar, _: (
         "all azimuths are within 6.3 degrees; probably radians, set "
-        f"{radar.name}.azimuth_unit to rad"
+        f"{radar.name}.units.azimuth to rad"
     ),
     "azimuths_in_turns": lambda radar, _: (
-        f"azimuths fill the arc from 0 to 1 {'degree' if radar.azimuth_in_degrees else 'rad'}, and "
-        "none is outside; if they are turns, multiply them by 2 pi, with azimuth_unit rad"
+        f"azimuths fill the arc from 0 to 1 {'degree' if radar.units.in_degrees else 'rad'}, and "
+        "none is outside; if they are turns, multiply them by 2 pi, with units.azimuth rad"
     ),
     "lengths_not_in_metres": lambda sensor, _: (
         f"a name in {sensor.name}.fields has another unit than metres, in which ranges, x and y "
@@ -335,12 +335,12 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
     ),
     "elevations_unusable": lambda radar, count: (
         f"{count} elevations beyond the zenith, which are not used; if they are in degrees, set "
-        f"{radar.name}.elevation_unit to deg"
+        f"{radar.name}.units.elevation to deg"
     ),
     "elevations_opposite": lambda radar, count: (
         f"{count} elevations outside {radar.name}.fov_elevation_deg or below the floor of "
         "height_prior, whose opposites are not; if they are depression angles, set "
-        f"{radar.name}.elevation_unit to down_rad or down_deg"
+        f"{radar.name}.units.elevation to down_rad or down_deg"
     ),
     "elevations_unknown": lambda radar, count: (
         f"{count} detections without an elevation (NaN, or 0 in a whole cloud), whose heights are "

@@ -67,15 +67,15 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     if radar.bias != NO_BIAS:
         true = np.maximum(radar.bias.true_range(distance), 0.0)
         distance = np.where(distance < 0.0, distance, true)
-    azimuth = np.radians(columns["azimuth"]) if radar.azimuth_in_degrees else columns["azimuth"]
+    azimuth = np.radians(columns["azimuth"]) if radar.units.in_degrees else columns["azimuth"]
     azimuth_size = np.abs(azimuth)
-    if radar.compass:
+    if radar.units.compass:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
     elevation, unknown, sine = columns.get("elevation"), 0, None
-    if elevation is not None and radar.elevation_scale != 1.0:
-        elevation = radar.elevation_scale * elevation
+    if elevation is not None and radar.units.elevation_rad != 1.0:
+        elevation = radar.units.elevation_rad * elevation
     counts = {} if elevation is None else _strange_elevations(distance, elevation, radar)
     if radar.height_prior is None:
         ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
@@ -97,7 +97,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     kept, dropped, common, common_counts = keep(stamp_ns, radar, columns, passed, most_s)
 
     range_std, bad_ranges = kept_values(columns, "range_std", kept, RANGE_STDS)
-    scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
+    scale = np.pi / 180.0 if radar.units.in_degrees else 1.0
     azimuth_std, bad_azimuths = kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
     rate_std, bad_rate_stds = kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
     rate, bad_rates = kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
@@ -106,7 +106,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     measurement = measurement[kept]
     measurement[:, 1] = wrap_angle(measurement[:, 1])
     if radar.height_prior is not None:
-        scale = abs(radar.elevation_scale)
+        scale = abs(radar.units.elevation_rad)
         # Plausible standard deviations of elevations, rad.
         own_std, bad = kept_values(columns, "elevation_std", kept, (1e-6, 0.5 * np.pi), scale)
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
@@ -369,7 +369,7 @@ def linear_amplitude(raw: FloatArray, sensor: RadarParameters | PositionParamete
     An envelope a has the SNR a^2 / 2.
     """
     with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
-        if sensor.amplitude_in_db:
+        if sensor.units.in_db:
             from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + sensor.amplitude_offset_db) / 10.0))
             return from_db
         scaled: FloatArray = raw * 10.0 ** (sensor.amplitude_offset_db / 20.0)

@@ -42,7 +42,7 @@ def of(
         slant, measured, elevation = detections.measurement.T
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
-    columns.setdefault(radar.fields.elevation or "elevation", elevation / radar.elevation_scale)
+    columns.setdefault(radar.fields.elevation or "elevation", elevation / radar.units.elevation_rad)
     for quantity, name in names_of(radar.fields).items():
         if quantity in _COLUMNS:
             columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
@@ -52,7 +52,7 @@ def of(
 def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArray[Any]:
     if detections.coverage is None or not radar.sectors:
         raise ValueError("detections.coverage: None given, the cloud needs a sector")
-    sector = sector_of(detections.coverage, radar.sectors, radar.compass)
+    sector = sector_of(detections.coverage, radar.sectors, radar.units.compass)
     return np.full(len(detections), sector, dtype=np.uint32)
 
 
@@ -67,7 +67,7 @@ def _detection_type(detections: Detections, _: int, __: RadarParameters) -> npt.
 
 def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
     std = _noise_std(detections)[:, 1]
-    return np.degrees(std) if radar.azimuth_in_degrees else std
+    return np.degrees(std) if radar.units.in_degrees else std
 
 
 def _noise_std(detections: Detections) -> FloatArray:
@@ -91,7 +91,7 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "detection_type": _detection_type,
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
-    "elevation_std": lambda own, _, radar: _noise_std(own)[:, 2] / abs(radar.elevation_scale),
+    "elevation_std": lambda own, _, radar: _noise_std(own)[:, 2] / abs(radar.units.elevation_rad),
     "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),
     "range_rate_std": lambda own, _, __: fill(own.range_rate_std, len(own), np.nan),
 }
@@ -104,11 +104,11 @@ def relative_time(
 
     Times since the epoch keep the resolution of doubles, 0.24 us today.
     """
-    if not radar.time_since_epoch:
-        return sent * radar.time_unit_s
+    if not radar.units.since_epoch:
+        return sent * radar.units.time_s
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     # Whole seconds are exact in every unit, as is the difference of two close doubles.
-    since_second = (sent - float(seconds) * _per_second(radar)) * radar.time_unit_s
+    since_second = (sent - float(seconds) * _per_second(radar)) * radar.units.time_s
     return since_second - nanoseconds * 1e-9
 
 
@@ -117,7 +117,7 @@ def sent_time(
 ) -> FloatArray:
     """Convert seconds from the stamp to the radar's convention: the inverse of `relative_time`."""
     per_second = _per_second(radar)
-    if not radar.time_since_epoch:
+    if not radar.units.since_epoch:
         return time_s * per_second
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
@@ -125,13 +125,13 @@ def sent_time(
 
 def _per_second(radar: RadarParameters | PositionParameters) -> float:
     """Return the number of the radar's time units per second."""
-    return float(round(1.0 / radar.time_unit_s))
+    return float(round(1.0 / radar.units.time_s))
 
 
 def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
     """Convert azimuths, radians from the sensor's x axis, to the radar's convention."""
-    converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
-    return np.degrees(converted) if radar.azimuth_in_degrees else converted
+    converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.units.compass else angle
+    return np.degrees(converted) if radar.units.in_degrees else converted
 
 
 def level(detections: Detections, radar: RadarParameters | PositionParameters) -> FloatArray:
@@ -141,7 +141,7 @@ def level(detections: Detections, radar: RadarParameters | PositionParameters) -
     """
     if detections.amplitude is None:
         raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
-    if radar.amplitude_in_db:
+    if radar.units.in_db:
         with np.errstate(divide="ignore"):  # an envelope of zero is -inf dB
             snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
         level: FloatArray = snr_db - radar.amplitude_offset_db

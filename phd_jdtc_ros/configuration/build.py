@@ -158,7 +158,7 @@ class TrackerConfig(Tracking):
             Revolutions(
                 configured_period_s=radar.rotation_s,
                 sectors=radar.sectors,
-                compass=radar.compass,
+                compass=radar.units.compass,
                 fine=bool(radar.pose.topic),
                 reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
@@ -251,9 +251,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
         inputs = tuple(sensor.in_space(top.height_prior, top.air) for sensor in inputs)
     places = zones.read(top.zones, plane if len(values["world_origin"]) == KNOWN_PLACE else None)
     level, model = ACCURACY[top.accuracy], tracker_model(parts, inputs, places)
-    labelled, per_target = top.engine in LABELLED, top.particles_per_target or level.per_target
-    thresholds = (top.confirm_probability, top.delete_probability)
-    limits = (top.coasting_scans, top.coasting_gates)
+    labelled, per_target = top.engine in LABELLED, top.particles[0] or level.per_target
     return build(
         TrackerConfig,
         values,
@@ -275,10 +273,10 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
             per_target=per_target,
             # Fewer particles of one origin and class do not represent it.
             least=min(200, per_target),
-            per_birth_term=top.particles_per_birth or level.per_birth,
+            per_birth_term=top.particles[1] or level.per_birth,
             most=MOST_PARTICLES,
         ),
-        rule=rule_of(model, labelled, *thresholds, *limits, top.report_resting),
+        rule=rule_of(model, labelled, *top.existence, *top.coasting, top.report_resting),
         plane=plane,
         conflicts=ConflictModel(
             distance=top.conflicts_distance[0],

@@ -76,19 +76,15 @@ def _tracking(parts: Parts) -> Faults:
     top = parts.tracking
     if top.late_reports == "rework" and not top.lag.positive:
         yield "late_reports: 'rework' given with lag 0, needs a lag above 0"
-    if 0 < top.particles_per_target < least_per_target:
-        yield (
-            f"particles_per_target: {top.particles_per_target} given, must be 0 or at least "
-            f"{least_per_target}"
-        )
-    count = top.particles_per_birth
-    if count & (count - 1):
-        yield f"particles_per_birth: {count} given, must be a power of two"
-    confirm, delete = top.confirm_probability, top.delete_probability
+    per_target, per_birth = top.particles
+    if 0 < per_target < least_per_target:
+        yield f"particles: {per_target} given, must be 0 or at least {least_per_target}"
+    if per_birth & (per_birth - 1):
+        yield f"particles: {per_birth} per birth term given, must be a power of two"
+    confirm, delete = top.existence
     if 0.0 < confirm < delete and top.engine in LABELLED:
         yield (
-            f"delete_probability: {delete} given, must be at most confirm_probability, {confirm}, "
-            "or 0"
+            f"existence: [{confirm}, {delete}] given, the second must be at most the first, or 0"
         )
     if top.engine in PHD:
         yield from _beyond_the_paper(top)
@@ -187,6 +183,7 @@ def tracker_model(
     """Return the models of targets and sensors."""
     top = parts.tracking
     space = SPATIAL if top.state == SPACE else PLANAR
+    velocity_std, turn_rate_std, climb_std = top.birth_std
     motions = {name: _motion(own, space) for name, own in parts.motions.items()}
     classes = tuple(_class(name, own, motions) for name, own in parts.classes.items())
     modes = ModeSpace(classes, top.interval_s)
@@ -195,9 +192,9 @@ def tracker_model(
         births=tuple(_birth(name, own, modes, top) for name, own in parts.births.items()),
         detection_births=DetectionBirthModel(
             rate=np.array(top.birth_rates_of(len(classes))),
-            velocity_std=top.birth_velocity_std,
-            turn_rate_std=top.birth_turn_rate_std,
-            climb_std=top.birth_climb_std,
+            velocity_std=velocity_std,
+            turn_rate_std=turn_rate_std,
+            climb_std=climb_std,
             least_mass=top.birth_least_probability,
             excluded=tuple(zone for zone in zones if zone.kind == EXCLUSION),
         ),
@@ -289,7 +286,7 @@ def _class(name: str, own: TargetClass, motions: Mapping[str, MotionModel]) -> C
 
 
 def _birth(name: str, own: Birth, modes: ModeSpace, top: Tracking) -> BirthTerm:
-    prior, climb_std = top.height_prior, top.birth_climb_std
+    prior, climb_std = top.height_prior, top.birth_std[2]
     position_std, velocity_std, turn_std = own.std
     return BirthTerm(
         name=name,

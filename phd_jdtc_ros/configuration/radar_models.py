@@ -347,9 +347,9 @@ def _visibility(radar: RadarParameters) -> Visibility:
     return Visibility(
         max_range=radar.max_range,
         min_range=radar.min_range,
-        fov=_sector(radar.fov_deg[0], radar.fov_deg[1], radar.compass),
+        fov=_sector(radar.fov_deg[0], radar.fov_deg[1], radar.units.compass),
         blind=tuple(
-            _sector(begin, end, radar.compass)
+            _sector(begin, end, radar.units.compass)
             for begin, end in zip(edges[::2], edges[1::2], strict=True)
         ),
         ranges=tuple(ranges),
@@ -386,10 +386,10 @@ def report_check(radar: RadarParameters) -> RadarReportCheck:
         lacks_ground_ranges=radar.rotation_s > SLOW_REVOLUTION
         and radar.max_range > FAR
         and not ground_known,
-        unit=(math.radians(1.0) if radar.azimuth_in_degrees else 1.0)
+        unit=(math.radians(1.0) if radar.units.in_degrees else 1.0)
         if radar.named_fields and visibility.fov.width > 2.0 * RADIANS_AS_DEGREES
         else 0.0,
-        zero=0.5 * math.pi if radar.compass else 0.0,
+        zero=0.5 * math.pi if radar.units.compass else 0.0,
         # Share of its range within which no radar has all detections, unless they are not in
         # metres.
         near=0.002 * radar.max_range,

@@ -83,8 +83,9 @@ class Parameter:
     # tracker or of its state.
     mutable: bool = False
     form: Form | None = None  # Notation of a value that is not a plain number, word or list
-    # Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
-    keys: tuple[str, ...] = ()
+    # Keys of a mapping of strings, each with the allowed strings, none for any; each key that is
+    # given is a parameter ``NAME.KEY``.
+    keys: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     # True if a value must be given; the default then only fixes the type.
     required: bool = False
     # True if a list of words may have a word twice.
@@ -98,6 +99,8 @@ class Parameter:
         """The allowed values in words."""
         if self.form is not None:
             return self.form.allowed
+        if any(self.keys.values()):
+            return "; ".join(f"{key}: one of {', '.join(of)}" for key, of in self.keys.items())
         if self.keys:
             return "names by " + ", ".join(self.keys)
         of_list = isinstance(self.default, list)
@@ -238,7 +241,8 @@ def expand(
                     found[full] = replace(member, name=full, default=usual(full, member))
                 for key in (key for key in member.keys if f"{full}.{key}" in given):
                     entry, default = f"{full}.{key}", getattr(member.default, key)
-                    found[entry] = Parameter(entry, default, member.description)
+                    choices = member.keys[key]
+                    found[entry] = Parameter(entry, default, member.description, choices=choices)
     return found
 
 

@@ -40,7 +40,7 @@ class Kind:
         *(
             f"phd_jdtc_ros.{name}"
             for name in (
-                *("calibration", "columns", "configuration", "core", "evaluation", "feed"),
+                *("calibration", "columns", "configuration", "core", "evaluation", "feed", "tally"),
                 "simulation",
             )
         ),

@@ -34,8 +34,7 @@ from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
-from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
-from phd_jdtc_ros.configuration.tables import schema
+from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters, Units
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
 from phd_jdtc_ros.core.types import Detections
@@ -181,11 +180,11 @@ def proposed(
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
         # Antennas turn clockwise. One that seems to turn counter-clockwise has azimuths that count
         # clockwise. The default is written too, because a wrong convention mirrors the picture.
-        convention = f"{radar}.azimuth_convention"
+        convention = f"{radar}.units.azimuth_convention"
         timing, is_polar = found[radar].timing, not found[radar].of_places
         if not specified and is_polar and convention not in values:
             compass = timing.rotation_s and not timing.clockwise
-            values[convention] = "compass_cw" if compass else schema(values)[convention].default
+            values[convention] = "compass_cw" if compass else Units().azimuth_convention
     return values
 
 

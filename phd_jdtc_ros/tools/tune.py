@@ -72,7 +72,8 @@ def _work(arguments: argparse.Namespace) -> int:
         f"{radar.name}.{what}"
         for radar in config.inputs
         if radar.may_turn
-        for what in ("azimuth_convention", "learn")
+        for what in ("units.azimuth_convention", "learn")
+        if f"{radar.name}.{what}" in config.values
     ]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
@@ -141,7 +142,7 @@ def _comments(rows: Mapping[str, Sequence[Row]], unknown_place: bool) -> dict[st
     for radar, own in rows.items():
         if unknown_place:
             comments[radar] = "add its position and yaw_deg, which no recording contains"
-            comments[f"{radar}.azimuth_convention"] = "check it; compass_cw if north is 0"
+            comments[f"{radar}.units.azimuth_convention"] = "check it; compass_cw if north is 0"
         for row in own:
             if not row.proposed:
                 continue

@@ -44,7 +44,7 @@ TRACKER: Mapping[str, Sequence[Any]] = {
     "detection_births.least_probability": (1e-4, 0.005, 0.3),
     "report_resting": (False, True),
     "spawn.rate": (0.0, 0.01),
-    "coasting_scans": (0.0, 10.0),
+    "coasting": ([0.0], [10.0]),
     "region": ([], [], [], [-6e3, -6e3, 6e3, 6e3, 500.0]),
     "world_origin": ([], [], [48.0, 11.0, 0.0]),
 }

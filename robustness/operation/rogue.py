@@ -21,7 +21,7 @@ from std_msgs.msg import Header
 from msg_adapters.encoding import names
 
 FRAME = "rogue"
-PARAMETER = "confirm_probability"
+PARAMETER = "existence"
 PERIOD_S = 0.05
 
 
@@ -34,7 +34,7 @@ def main(seconds: float) -> None:
     output = node.create_publisher(PointCloud2, names.detections("radar_1"), 10)
     client = node.create_client(SetParameters, f"{names.TRACKER}/set_parameters")
     cloud = PointCloud2(header=Header(frame_id=FRAME))
-    change = Parameter(PARAMETER, value=0.61).to_parameter_msg()
+    change = Parameter(PARAMETER, value=[0.61]).to_parameter_msg()
     subscriptions, written = 0, 0
     calls: list[Future] = []
     deadline = time.monotonic() + seconds

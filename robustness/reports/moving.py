@@ -38,7 +38,7 @@ PARAMETERS = {
     "motions": "[cv]",
     "births": "[]",
     "detection_births.rates": "[0.1]",
-    "detection_births.velocity_std": 8.0,
+    "detection_births.std": [8.0],
     "spawn.rate": 0.0,
     "boat.motions": "[cv]",
     "boat.mode_transition": "[1.0]",

@@ -40,7 +40,7 @@ PARAMETERS = {
     "ship.survival_probability": 0.9999,
     "births": [],
     "detection_births.rates": [5.0],
-    "detection_births.velocity_std": 5.0,
+    "detection_births.std": [5.0],
     "radar.range_std": 10.0,
     "radar.azimuth_std_deg": 0.05,
     "radar.max_range": 40_000.0,

@@ -35,7 +35,7 @@ PARAMETERS = {
     "motions": "[cv]",
     "births": "[]",
     "detection_births.rates": "[0.1]",
-    "detection_births.velocity_std": 100.0,
+    "detection_births.std": [100.0],
     "spawn.rate": 0.0,
     "aircraft.motions": "[cv]",
     "aircraft.mode_transition": "[1.0]",

@@ -59,7 +59,7 @@ PEER_RADAR = {
     "radar.azimuth_std_deg": 1.0,
     "radar.detection_probability": 0.9,
     "radar.clutter_rate": 3.0,
-    "detection_births.velocity_std": 5.0,
+    "detection_births.std": [5.0, 0.02],
 }
 
 

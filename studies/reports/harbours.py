@@ -55,7 +55,7 @@ RADAR = {
     "ship.snr_band_db": [18.0, 22.0],
     "boat.snr_band_db": [10.0, 14.0],
     "detection_births.rates": [0.2, 0.05],
-    "detection_births.velocity_std": 5.0,
+    "detection_births.std": [5.0],
     "radar.position": [0.0, -7000.0],
     "radar.rotation_s": TURN_S,
     "radar.fields.time": "time",

@@ -62,7 +62,7 @@ def test_fit_warns_of_radians_that_are_read_as_degrees():
     added = all_around(2.0 * np.pi)
     both = {name: np.concatenate([DETECTIONS[name], added[name]]) for name in added}
     with pytest.warns(UserWarning, match=r"^radar: all azimuths are within 6\.3 degrees"):
-        Tracker({"radar": {"azimuth_unit": "deg"}}).fit(both)
+        Tracker({"radar": {"units.azimuth": "deg"}}).fit(both)
 
 
 def test_fit_warns_of_repeated_scans_and_leaves_them_out(fitted):
@@ -233,7 +233,7 @@ def test_places_far_from_their_origin_are_no_fault(recwarn):
 
 def test_fit_says_why_detections_cannot_be_used():
     levels = np.full(len(DETECTIONS["time"]), -80.0)
-    with pytest.raises(ValueError, match=r"0 detections in .*: amplitude \d+ \(amplitude_unit"):
+    with pytest.raises(ValueError, match=r"0 detections in .*: amplitude \d+ \(units.amplitude"):
         Tracker().fit({**DETECTIONS, "amplitude": levels})
 
 

@@ -41,8 +41,8 @@ def parameters():
     (document,) = yaml.safe_load(
         resources.find(Path("config/air_traffic.yaml")).read_text()
     ).values()
-    given = {**document["ros__parameters"], "coasting_scans": 60, "coasting_gates": 1e6}
-    approach = {**given["approach"], "azimuth_convention": "enu_ccw", "rotation_s": 0.0}
+    given = {**document["ros__parameters"], "coasting": [60, 1e6]}
+    approach = {**given["approach"], "units.azimuth_convention": "enu_ccw", "rotation_s": 0.0}
     approach |= {"fields": {"range": "range", "azimuth": "azimuth", "amplitude": ""}}
     approach |= {"blind_sectors_deg": [60.0, 120.0], "clutter_rate": 1.0, "learn": []}
     return {**given, "approach": approach, "estimates_period_s": 0.0}

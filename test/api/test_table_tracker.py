@@ -51,7 +51,7 @@ PLACES = {
         "area": [-1500.0, -1500.0, 1500.0, 1500.0],
         "clutter_rate": 2.0,
     },
-    "detection_births": {"velocity_std": 15.0},
+    "detection_births": {"std": [15.0]},
 }
 
 
@@ -99,7 +99,7 @@ def test_csv_gives_what_arrays_give_in_any_order_of_rows(tmp_path, tracked):
 
 def test_azimuths_are_read_by_the_parameters(tracked):
     compass = {**DETECTIONS, "azimuth": 90.0 - np.degrees(DETECTIONS["azimuth"])}
-    parameters = with_radar(azimuth_convention="compass_cw", azimuth_unit="deg")
+    parameters = with_radar(units={"azimuth_convention": "compass_cw", "azimuth": "deg"})
     found = Tracker(parameters).track(compass).smoothed
     np.testing.assert_array_equal(found["label"], tracked.smoothed["label"])
     np.testing.assert_allclose(found["x"], tracked.smoothed["x"])
@@ -188,7 +188,7 @@ def test_turning_antenna_is_followed_by_the_plots_times(request):
     document = yaml_files.load(scenario)
     document["traffic"] |= {"aircraft": 8, "taxiing": 0}
     run = simulate({**document, "scans": 101}, seed=4)
-    keep = ("azimuth_convention", "fields.time", "fields.amplitude")
+    keep = ("units.azimuth_convention", "fields.time", "fields.amplitude")
     known = {f"approach.{name}": run.parameters[f"approach.{name}"] for name in keep}
     with warnings.catch_warnings():
         # Some aircraft are high and near, where slant ranges are too long.
@@ -436,7 +436,7 @@ def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(columns,
     # those without a reply if most targets have a transponder: less than the least probability.
     parameters = {
         "interval_s": 0.5,
-        "detection_births": {"velocity_std": 10.0, "rates": [0.2], "least_probability": 0.005},
+        "detection_births": {"std": [10.0], "rates": [0.2], "least_probability": 0.005},
         "radar": {
             "range_std": 4.0,
             "azimuth_std_deg": 0.573,

@@ -41,8 +41,8 @@ def test_resolve_names_the_inputs_and_the_topic_of_one_platform():
     first, second = reference.resolve({"radar_2.topic": "/x", "radar_2.frame": "y"}).inputs
     assert (first.topic, first.frame) == ("/radar_1/detections", "radar_1")
     assert (second.topic, second.frame) == ("/x", "y")
-    assert not first.compass
-    assert not first.amplitude_in_db
+    assert not first.units.compass
+    assert not first.units.in_db
     config = reference.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
     assert config.radars_by_platform == {"/ship": [0, 1]}
     assert all(config.platforms())
@@ -157,7 +157,7 @@ def test_resolve_looks_for_no_parameter_among_very_many():
             "at most 1",
         ),
         ({"class_0.survival_probability": 0.0}, "class_0.survival_probability", "at least"),
-        ({"particles_per_birth": 1000}, "particles_per_birth", "power of two"),
+        ({"particles": [0, 1000]}, "particles", "power of two"),
         ({"start_1.rates": [0.1]}, "start_1.rates", "2 numbers"),
         ({"start_1.rates": [0.0, 0.0]}, "start_1.rates", "not all 0"),
         ({"radar_1.topic": "/radar_2/detections"}, "radar_1.topic", "another sensor"),
@@ -242,10 +242,7 @@ def test_no_parameter_of_before_is_one_of_now():
 def test_accuracy_sets_hypotheses_and_particles(accuracy, hypotheses, particles):
     config = reference.resolve({"accuracy": accuracy})
     assert (config.bounds.hypotheses, config.budget.per_target) == (hypotheses, particles)
-    assert (
-        reference.resolve({"accuracy": accuracy, "particles_per_target": 77}).budget.per_target
-        == 77
-    )
+    assert reference.resolve({"accuracy": accuracy, "particles": [77]}).budget.per_target == 77
 
 
 def test_grouper_and_engine_carry_the_configuration():

@@ -60,7 +60,7 @@ def test_resolve_converts_decibels_degrees_and_probabilities():
     [("enu_ccw", [10.0, 89.0], [-1.0, 91.0]), ("compass_cw", [1.0, 80.0], [-1.0, 91.0])],
 )
 def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
-    given = {"radar_1.azimuth_convention": convention, "radar_1.fov_deg": [0.0, 90.0]}
+    given = {"radar_1.units.azimuth_convention": convention, "radar_1.fov_deg": [0.0, 90.0]}
     radar = resolve(given).model.radars[0]
     for azimuths, expected in ((seen, 1.0), (hidden, 0.0)):
         measured = np.stack([np.full(2, 5e3), np.radians(azimuths)], axis=1)
@@ -150,7 +150,7 @@ def test_amplitude_auto_of_one_class_has_no_snr_to_remember():
 
 
 def test_differences_are_of_given_parts_that_both_scenes_have():
-    other = resolve({"lag": 2, "seed": 9, "particles_per_target": 50, "start_1.rates": [0.1, 0.1]})
+    other = resolve({"lag": 2, "seed": 9, "particles": [50], "start_1.rates": [0.1, 0.1]})
     assert differences(REFERENCE, other.values) == []
     given = resolve({"sensors": ["radar_2"], "radar_2.range_std": 9.0}).values
     assert differences(REFERENCE, given) == [

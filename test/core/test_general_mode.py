@@ -56,7 +56,7 @@ def assert_same_distribution(first, second):
     assert (difference <= 5.0 * error + 1e-9).all()
 
 
-BUDGET = {"particles_per_target": 400, "particles_per_birth": 512, "lag": 2}
+BUDGET = {"particles": [400, 512], "lag": 2}
 PLAIN = {**BUDGET, "radar.clutter_rate": 5.0}
 TWINS = {
     "motions": ["cv", "twin"],

@@ -152,7 +152,7 @@ def test_script_of_the_page_on_csv_writes_a_cloud_for_each_revolution(tmp_path, 
 
     bag = BagReader(tmp_path / "bag")
     given = recorded_plots.recognised_radars(bag)
-    assert (given["radar.fields.time"], given["radar.time_unit"]) == ("time", "s")
+    assert (given["radar.fields.time"], given["radar.units.time"]) == ("time", "s")
     plots = recorded_plots.read(bag, from_arguments.config_of(given), 100.0).plots["radar"]
     assert plots.timed
     assert len(plots.cloud_s) == 11

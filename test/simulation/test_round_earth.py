@@ -16,8 +16,8 @@ ORIGIN, PLACE = [52.3, 4.8, 5.0], [53.1, 6.9, 40.0]
 PARAMETERS = {
     **exact("north", 300e3, geodetic=PLACE, rotation_s=4.0),
     "world_origin": ORIGIN,
-    "north.azimuth_convention": "compass_cw",
-    "north.azimuth_unit": "deg",
+    "north.units.azimuth_convention": "compass_cw",
+    "north.units.azimuth": "deg",
     "north.fields.amplitude": "",
     "north.fields.height": "height",
     "classes": ["aircraft"],

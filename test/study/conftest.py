@@ -10,7 +10,7 @@ SCENARIO = """
 profile: reference
 scans: 6
 parameters:
-  particles_per_target: 100
+  particles: [100]
   radar_1: {clutter_rate: 3.0}
 targets:
   - {class_id: 0, snr_db: 45.0, position: [-10000.0, 10000.0], velocity: [36.0, -44.0],
@@ -18,7 +18,7 @@ targets:
   - {class_id: 1, snr_db: 25.0, position: [-10000.0, -10000.0], velocity: [36.0, 44.0],
      first_scan: 1, last_scan: 4}
 """
-FEW = {"particles_per_birth": 64}
+FEW = {"particles": [0, 64]}
 STUDY = {
     "lags": [0, 2],
     "cases": {
@@ -27,7 +27,7 @@ STUDY = {
     "variants": {
         "corrected": {"kind": "phd"},
         "as printed": {"kind": "phd_as_printed"},
-        "fewer": {"kind": "phd", "parameters": {"particles_per_target": 50}, "lags": [0, 1]},
+        "fewer": {"kind": "phd", "parameters": {"particles": [50]}, "lags": [0, 1]},
         "reference": {"kind": "reference"},
     },
     "goals": [

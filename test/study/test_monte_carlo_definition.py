@@ -130,8 +130,8 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
         ("cases.quiet.parameters", ONE_CLASS, ["scenario: class 1 of a target, must be below 1"]),
         (
             "variants.fewer.parameters",
-            {"particles_per_target": -1, "nonsense": 1},
-            ["parameters.particles_per_target: ", "parameters.nonsense: "],
+            {"particles": [-1], "nonsense": 1},
+            ["parameters.particles: ", "parameters.nonsense: "],
         ),
         ("variants.corrected.engine", "steam", ["engine: "]),
         ("variants.reference.engine", "gaussian", ["engine: "]),
@@ -182,14 +182,14 @@ def test_resolve_refuses_a_study_without_a_part(study_file, key):
 
 def test_resolve_merges_scenario_case_variant_and_command_line(study_file):
     def change(document):
-        document["cases"]["quiet"]["parameters"]["particles_per_target"] = 80
+        document["cases"]["quiet"]["parameters"]["particles"] = [80]
 
     study = load_study(study_file(change), {"spawn.rate": 0.02})
     (case,) = study.cases
     corrected, _, fewer, _ = (study.parameters(case, variant) for variant in study.variants)
 
     assert corrected["radar_1.clutter_rate"] == corrected["radar_2.clutter_rate"] == 3.0
-    assert (corrected["particles_per_target"], fewer["particles_per_target"]) == (80, 50)
+    assert (corrected["particles"], fewer["particles"]) == ([80], [50])
     assert corrected["spawn.rate"] == fewer["spawn.rate"] == 0.02
 
 

@@ -18,9 +18,8 @@ SCANS = 9
 SEED = 3
 GIVEN = {
     "engine": "phd",
-    "particles_per_target": 150,
+    "particles": [150, 128],
     "budget.least": 30,
-    "particles_per_birth": 128,
     "spawning.particles_per_target": 20,
     "seed": SEED,
 }

@@ -39,7 +39,7 @@ PARAMETERS = {
     "aircraft.survival_probability": 0.999,
     "births": [],
     "detection_births.rates": [0.1],
-    "detection_births.velocity_std": 150.0,
+    "detection_births.std": [150.0],
     "spawn.rate": 0.0,
 }
 EAST = Flight(0, 1e3, 0.0, (-10e3, 20e3), (200.0, 0.0), (Leg(100.0),))

@@ -23,7 +23,7 @@ def test_interrupted_tool_completes_its_bag(tmp_path, name, number):
     scenario.write_text(LONG)
     words = {
         "simulate": ["--scenario", scenario],
-        "track_bag": ["paper_scenario", "-p", "engine:=phd", "-p", "particles_per_target:=5000"],
+        "track_bag": ["paper_scenario", "-p", "engine:=phd", "-p", "particles:=[5000]"],
     }[name]
     process = subprocess.Popen(
         [sys.executable, "-m", "phd_jdtc_ros", name, *words, "--out", out],

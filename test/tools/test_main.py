@@ -203,7 +203,7 @@ def test_the_papers_filter_has_its_motion_in_the_reference_scenario():
     )
     assert {name for name in phd if phd[name] != reference[name]} == {
         "engine",
-        "particles_per_target",
+        "particles",
         "class_0.mode_transition",
         "class_1.mode_transition",
         "cv.noise_density",

@@ -141,7 +141,7 @@ def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
 
 def test_tune_warns_of_a_unit_that_contradicts_the_recording(tmp_path, capsys):
     given = from_arguments.load(SHIPPED / "parameters.yaml")
-    given["radar_1.azimuth_unit"] = "deg"
+    given["radar_1.units.azimuth"] = "deg"
     file = tmp_path / "degrees.yaml"
     document = {"/**/tracker": {"ros__parameters": given}}
     file.write_text(yaml.safe_dump(document))
@@ -210,7 +210,7 @@ def test_names_are_recognised_whatever_their_case():
     assert recognised.parameters([cloud(x=many, y=many)]) is None
     found = recognised.parameters([cloud(Rho=RHO, THETA=AZIMUTH, SNR=RHO)])
     assert (found["fields.range"], found["fields.azimuth"]) == ("Rho", "THETA")
-    assert (found["fields.amplitude"], found["amplitude_unit"]) == ("SNR", "db")
+    assert (found["fields.amplitude"], found["units.amplitude"]) == ("SNR", "db")
     assert found["frame"] == "mast"
 
 
@@ -218,20 +218,20 @@ def test_unit_and_convention_are_those_that_go_with_x_and_y():
     north = 0.5 * np.pi - AZIMUTH
     place = {"x": RHO * np.cos(north), "y": RHO * np.sin(north)}
     found = recognised.parameters([cloud(**place, range=RHO, bearing=np.degrees(AZIMUTH))])
-    assert (found["azimuth_unit"], found["azimuth_convention"]) == ("deg", "compass_cw")
+    assert (found["units.azimuth"], found["units.azimuth_convention"]) == ("deg", "compass_cw")
     found = recognised.parameters([cloud(range=RHO, bearing=np.degrees(AZIMUTH))])
-    assert found["azimuth_unit"] == "deg"
-    assert "azimuth_convention" not in found
+    assert found["units.azimuth"] == "deg"
+    assert "units.azimuth_convention" not in found
 
 
 @pytest.mark.parametrize(("unit", "per_second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6)])
 def test_times_have_the_unit_that_puts_them_near_the_stamp(unit, per_second):
     since = np.array([0.0, 0.5, 1.5, 30.0]) * per_second
     found = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, time=since)])
-    assert (found["time_unit"], found["time_reference"]) == (unit, "stamp")
+    assert (found["units.time"], found["units.time_reference"]) == (unit, "stamp")
     epoch = since + 1e9 * per_second
     found = recognised.parameters([cloud(wide=["t"], range=RHO, azimuth=AZIMUTH, t=epoch)])
-    assert (found["time_unit"], found["time_reference"]) == (unit, "epoch")
+    assert (found["units.time"], found["units.time_reference"]) == (unit, "epoch")
 
 
 def test_times_and_elevations_are_recognised_by_their_values():
@@ -239,18 +239,18 @@ def test_times_and_elevations_are_recognised_by_their_values():
     clouds = [
         cloud(10**18 + k * 50_000_000, range=RHO, azimuth=AZIMUTH, time=since) for k in range(4)
     ]
-    assert recognised.parameters(clouds)["time_unit"] == "ms"
+    assert recognised.parameters(clouds)["units.time"] == "ms"
     flat = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.0 * RHO)])
     assert "fields.elevation" not in flat
     high = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.1 + 0.0 * RHO)])
     assert high["fields.elevation"] == "elevation"
-    assert "elevation_unit" not in high
+    assert "units.elevation" not in high
     up = np.array([2.0, 10.0, 40.0, np.nan])
     degrees = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=up)])
-    assert degrees["elevation_unit"] == "deg"
+    assert degrees["units.elevation"] == "deg"
     z = -RHO * np.sin(np.radians(up))
     sonar = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=up, z=z)])
-    assert sonar["elevation_unit"] == "down_deg"
+    assert sonar["units.elevation"] == "down_deg"
 
 
 def test_nothing_set_finds_drones_and_their_heights(tmp_path, capsys):

@@ -440,7 +440,7 @@ def _fov(found: Findings, now: Now) -> Iterator[Row]:
         return
     arc = found.field.arc
     begin, width = math.degrees(arc[0]) - 2.0, min(math.degrees(arc[1]) + 4.0, 360.0)
-    if now("azimuth_convention") == "compass_cw":
+    if now("units.azimuth_convention") == "compass_cw":
         begin = 90.0 - begin - width
     begin = round((begin + 180.0) % 360.0 - 180.0, 1)
     value = [begin, round(begin + width, 1)]

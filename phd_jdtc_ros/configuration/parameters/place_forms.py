@@ -1,4 +1,4 @@
-"""Notations of places, poses, regions and biases; the others are in `forms`."""
+"""Notations of lists of numbers: places, poses, regions, biases, and lists that may be shorter."""
 
 from __future__ import annotations
 
@@ -70,6 +70,27 @@ def _list_form(
         return found if found is not None and sound(found) else None
 
     return Form(allowed, read, value)
+
+
+def beginning_of(usual: Sequence[float], low: float, high: float, whole: bool = False) -> Form:
+    """Return the form of the first numbers of a list, of which those left out are the usual ones.
+
+    All are from `low` to `high`, and whole numbers if this is so.
+    """
+    noun = "whole numbers" if whole else "numbers"
+    rest = ", ".join(f"{number:g}" for number in usual[1:])
+    ends = "second is" if len(usual) == 2 else "others are"
+
+    def read(given: Any) -> list[float] | None:
+        found = numbers(given, low, high)
+        if found is None or not 1 <= len(found) <= len(usual):
+            return None
+        if not whole:
+            return found
+        return [int(each) for each in found] if all(map(float.is_integer, found)) else None
+
+    allowed = f"1 to {len(usual)} {noun} from {low:g} to {high:g}; if left out, the {ends} {rest}"
+    return Form(allowed, read, lambda given: (*given, *usual[len(given) :]))
 
 
 def is_region(region: Sequence[float]) -> bool:

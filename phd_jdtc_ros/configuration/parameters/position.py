@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from ..schema import POSITIVE, SMALL, parameter, shared
 from . import place_forms, radar, sensor
 from .radar import MOST_PROBABILITY, RadarParameters
-from .sensor import SensorParameters
+from .sensor import UNITS, SensorParameters, Units
 
 # The words of `learn`, each with the parameters from whose values learning starts.
 LEARNED: Mapping[str, tuple[str, ...]] = {
@@ -112,7 +112,6 @@ class PositionParameters(SensorParameters):
     clutter_rate: float = shared(RadarParameters, "clutter_rate")
     cluster_distance: float = shared(RadarParameters, "cluster_distance")
     false_alarm_probability: float = shared(RadarParameters, "false_alarm_probability")
-    amplitude_in_db: bool = shared(RadarParameters, "amplitude_in_db")
     amplitude_offset_db: float = shared(RadarParameters, "amplitude_offset_db")
     fields: Fields = parameter(
         Fields(),
@@ -120,10 +119,13 @@ class PositionParameters(SensorParameters):
         "quantity. Fields of deviations, correlations and velocities that a cloud lacks are "
         "unknown; z, z_std and vz are only used with state: space. area_x_min, area_y_min, "
         "area_x_max and area_y_max, the same in all points, replace the area for a cloud.",
-        keys=QUANTITIES,
+        keys=dict.fromkeys(QUANTITIES, ()),
     )
-    time_unit_s: float = shared(RadarParameters, "time_unit_s")
-    time_since_epoch: bool = shared(RadarParameters, "time_since_epoch")
+    units: Units = parameter(
+        Units(),
+        "Units of the cloud's fields of times and amplitudes, as those of a radar.",
+        keys={key: UNITS[key] for key in ("time", "time_reference", "amplitude")},
+    )
 
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
 

@@ -14,11 +14,10 @@ from phd_jdtc_ros.core.sensors.site import Plane, Site
 
 from ..schema import NOT_NEGATIVE, POSITIVE, SMALL, Form, number, numbers, parameter
 from . import place_forms, replaced, sensor
-from .sensor import SensorParameters
+from .sensor import UNITS, SensorParameters, Units
 
 # Largest number of clouds in a revolution.
 MOST_SECTORS = 256
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # A target with a detection probability of 1 would be deleted at its first missed detection.
 MOST_PROBABILITY = 0.999
 # The words of `learn`, each with the parameters from whose values learning starts.
@@ -305,16 +304,17 @@ class RadarParameters(SensorParameters):
         "Names of the cloud's fields by quantity, such as fields.time; empty for an unused "
         "quantity. The tracker's page gives their units; an elevation or a height makes ranges "
         "slant ranges. In space heights are pressure altitudes, see qnh_hpa.",
-        keys=QUANTITIES,
+        keys=dict.fromkeys(QUANTITIES, ()),
     )
-    time_unit_s: float = parameter(
-        "s", "Unit of the field with times.", name="time_unit", choices=TIME_UNITS
-    )
-    time_since_epoch: bool = parameter(
-        "stamp",
-        "Zero of the field with times: the message's stamp, or the zero of the stamps (epoch).",
-        name="time_reference",
-        choices={"stamp": False, "epoch": True},
+    units: Units = parameter(
+        Units(),
+        "Units and conventions of the cloud's fields, such as units.azimuth. time is relative to "
+        "the message's stamp, or by time_reference to the zero of the stamps (epoch); amplitude "
+        "is an envelope in standard deviations of the noise per quadrature (linear) or an SNR "
+        "(db). Azimuths count counter-clockwise from the sensor's x axis (enu_ccw) or clockwise "
+        "from north (compass_cw), and elevations from the horizon, with down_rad and down_deg for "
+        "depression angles, as of a sonar.",
+        keys=UNITS,
     )
     assumed_height: float | None = parameter(
         [],
@@ -335,41 +335,12 @@ class RadarParameters(SensorParameters):
         (0.0, 1e4),
         mutable=True,
     )
-    amplitude_in_db: bool = parameter(
-        "linear",
-        "Unit of amplitudes: linear for an envelope in standard deviations of the noise per "
-        "quadrature, db for an SNR in dB.",
-        name="amplitude_unit",
-        choices={"linear": False, "db": True},
-    )
     amplitude_offset_db: float = parameter(
         0.0,
         "Correction added to every amplitude, dB. Set it if the driver's reference level is not "
         "the noise.",
         (-300.0, 300.0),
         mutable=True,
-    )
-    compass: bool = parameter(
-        "enu_ccw",
-        "Zero and direction of azimuths: enu_ccw from the sensor's x axis counter-clockwise, "
-        "compass_cw from north clockwise.",
-        name="azimuth_convention",
-        choices={"enu_ccw": False, "compass_cw": True},
-    )
-    azimuth_in_degrees: bool = parameter(
-        "rad", "Unit of azimuths.", name="azimuth_unit", choices={"rad": False, "deg": True}
-    )
-    elevation_scale: float = parameter(
-        "rad",
-        "Unit and sense of elevations: rad or deg above the horizon, or down_rad and down_deg for "
-        "depression angles, as of a sonar.",
-        name="elevation_unit",
-        choices={
-            "rad": 1.0,
-            "deg": math.pi / 180.0,
-            "down_rad": -1.0,
-            "down_deg": -math.pi / 180.0,
-        },
     )
     biases: SensorBias = parameter(
         [0.0, 0.0, 0.0, 0.0],
@@ -410,7 +381,7 @@ class RadarParameters(SensorParameters):
     @property
     def sense(self) -> float:
         """Direction of the radar's azimuths: -1 clockwise, 1 counter-clockwise."""
-        return -1.0 if self.compass and self.named_fields else 1.0
+        return -1.0 if self.units.compass and self.named_fields else 1.0
 
     @cached_property
     def bias(self) -> SensorBias:

@@ -20,13 +20,28 @@ OUTPUTS = "use outputs, a list with {} in it"
 REGION = "use region, the margin as its fifth number"
 BIASES = "use biases: [range (m), range gain (m/m), azimuth (degrees), time (s)]"
 STD = "use std: [position (m), velocity (m/s), turn rate (rad/s)]"
+EXISTENCE = "use existence: [confirm above, delete below]"
+COASTING = "use coasting: [time (intervals), spread (gates)]"
+PARTICLES = "use particles: [per target, per birth term]"
+BIRTH_STD = (
+    "use detection_births.std: [velocity (m/s), turn rate (rad/s), climb rate (m/s)], or its "
+    "first numbers"
+)
+HEARD = "it is learned from the reports"
 STEP = "use {}, with the squared step divided by 12 added to its square"
 SOURCE = "use output_source: [SAC, SIC, service]"
 RECORDED = "use record_topics and record_types"
 
 TRACKER: Mapping[str, str] = {
     "radars": "use sensors",
-    "existence_threshold": "use confirm_probability and delete_probability",
+    **dict.fromkeys(
+        ("existence_threshold", "confirm_probability", "delete_probability"), EXISTENCE
+    ),
+    **dict.fromkeys(("coasting_scans", "coasting_gates"), COASTING),
+    **dict.fromkeys(("particles_per_target", "particles_per_birth"), PARTICLES),
+    **dict.fromkeys(
+        (f"detection_births.{of}_std" for of in ("velocity", "turn_rate", "climb")), BIRTH_STD
+    ),
     "fixed_interval": "a matrix without a rate matrix applies to whole intervals",
     "reorder_scans": "use reorder_s, or late_reports: rework",
     "region_margin": REGION,
@@ -64,6 +79,14 @@ RADAR: Mapping[str, str] = {
     "azimuth_step_deg": STEP.format("azimuth_std_deg"),
     "detection_probability_over_range": "use detection_probability and detection_probability_range",
     **dict.fromkeys(("clutter_level_db", "clutter_std_db"), "use clutter_amplitude: learned"),
+    **{
+        f"{name}_unit": f"use units.{name}"
+        for name in ("azimuth", "elevation", "amplitude", "time")
+    },
+    "azimuth_convention": "use units.azimuth_convention",
+    "time_reference": "use units.time_reference",
+    "report_interval_s": "it is that of AIS with identity: mmsi, and otherwise 1 s",
+    **dict.fromkeys(("lost", "off_prior"), HEARD),
     "fields.kind": "use fields.detection_type",
     "range_rate_span": CONSTANT.format("200 m/s"),
     "height": "use position, the height as its third number",

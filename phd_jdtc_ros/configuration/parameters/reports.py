@@ -12,12 +12,9 @@ from phd_jdtc_ros.core.reports.model import Receiver
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types.reports import SPACES
 
-from ..schema import NOT_NEGATIVE, SMALL, parameter
+from ..schema import SMALL, parameter
 from .sensor import SensorParameters
 from .tracker import PHD, Parts
-
-# Standard deviations and probabilities are learned from this on.
-LEARNED = ("lost", "off")
 
 
 @dataclass(frozen=True)
@@ -44,38 +41,11 @@ class ReportsParameters(SensorParameters):
         (SMALL, 500.0),
         mutable=True,
     )
-    report_interval_s: float = parameter(
-        0.0,
-        "Interval of the reports of one transmitter, s; 0 for that of AIS at each speed with "
-        "identity mmsi, and otherwise 1 s.",
-        NOT_NEGATIVE,
-        mutable=True,
-    )
-    lost: float = parameter(
-        0.2,
-        "Probability that a report is not received.",
-        (0.001, 0.9),
-        mutable=True,
-    )
-    off_prior: float = parameter(
-        0.1,
-        "Probability that a target that is obliged to transmit does not.",
-        (1e-4, 0.9),
-        mutable=True,
-    )
     obliged: list[str] = parameter(
         [],
         "Names of the classes whose targets are obliged to transmit. Without any, silent targets "
         "are reported, and none is called dark.",
         element=str,
-        mutable=True,
-    )
-    learn: list[str] = parameter(
-        list(LEARNED),
-        "What is learned from the reports, beginning with the values of the parameters: lost, and "
-        "off (off_prior).",
-        element=str,
-        choices=LEARNED,
         mutable=True,
     )
     max_age_s: float = parameter(
@@ -104,14 +74,9 @@ class ReportsParameters(SensorParameters):
             name=self.name,
             space=SPACES.index(self.identity),
             offset_std=self.offset_std,
-            interval_s=self.report_interval_s,
-            lost=self.lost,
-            off_prior=self.off_prior,
             obliged=np.array([float(name in self.obliged) for name in classes]),
             max_age_s=self.max_age_s,
             coverage=np.reshape(self.coverage, (-1, 2)),
-            learns_lost="lost" in self.learn,
-            learns_off="off" in self.learn,
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from ..schema import parameter
 from . import place_forms
 
 S = TypeVar("S", bound="SensorParameters")
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 class Fields:
@@ -29,6 +31,59 @@ class Fields:
     code = ""
     address = ""
     detection_type = ""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units and conventions of a message's fields."""
+
+    time: str = "s"
+    time_reference: str = "stamp"
+    amplitude: str = "linear"
+    azimuth: str = "rad"
+    azimuth_convention: str = "enu_ccw"
+    elevation: str = "rad"
+
+    @cached_property
+    def time_s(self) -> float:
+        """The unit of times, seconds."""
+        return TIME_UNITS[self.time]
+
+    @cached_property
+    def since_epoch(self) -> bool:
+        """Whether times count from the zero of the stamps."""
+        return self.time_reference == "epoch"
+
+    @cached_property
+    def in_db(self) -> bool:
+        """Whether amplitudes are SNRs in decibels."""
+        return self.amplitude == "db"
+
+    @cached_property
+    def in_degrees(self) -> bool:
+        """Whether azimuths are in degrees."""
+        return self.azimuth == "deg"
+
+    @cached_property
+    def compass(self) -> bool:
+        """Whether azimuths count clockwise from north."""
+        return self.azimuth_convention == "compass_cw"
+
+    @cached_property
+    def elevation_rad(self) -> float:
+        """The unit of elevations, radians; negative for depression angles."""
+        sign = -1.0 if self.elevation.startswith("down") else 1.0
+        return sign * (math.pi / 180.0 if self.elevation.endswith("deg") else 1.0)
+
+
+UNITS: Mapping[str, tuple[str, ...]] = {
+    "time": tuple(TIME_UNITS),
+    "time_reference": ("stamp", "epoch"),
+    "amplitude": ("linear", "db"),
+    "azimuth": ("rad", "deg"),
+    "azimuth_convention": ("enu_ccw", "compass_cw"),
+    "elevation": ("rad", "deg", "down_rad", "down_deg"),
+}
 
 
 @dataclass(frozen=True)
@@ -58,10 +113,10 @@ class SensorParameters:
 
     message = ""  # Type of the messages, if a kind has several
     fields = Fields()
+    units = Units()
     pose_max_age_s = 0.0
     rotation_s = 0.0
     sectors = 0
-    compass = False
     clutter_map = False
     clutter_map_speed = 0.0
     tilt_deg: Sequence[float] = (0.0, 0.0)

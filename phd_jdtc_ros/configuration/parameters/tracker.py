@@ -141,35 +141,22 @@ class Tracking:
         "Smoothing lag, s, instead of lag; for radars without common scans. 0 for lag.",
         (0.0, 1e5),
     )
-    confirm_probability: float = parameter(
-        0.0,
-        "Existence probability above which a track is confirmed and reported, and above which a "
-        "PHD filter reports a target. 0 derives it from the detection probabilities (0.5 for a PHD "
-        "filter).",
-        (0.0, 1.0),
+    existence: tuple[float, float] = parameter(
+        [0.0, 0.0],
+        "Existence probabilities above which a track is confirmed and reported (or a PHD filter "
+        "reports a target), and below which a confirmed track is deleted (not used by PHD "
+        "filters). 0 derives them from the detection probabilities, and the second from the "
+        "track's missed detections too; the first is 0.5 for a PHD filter.",
+        form=place_forms.beginning_of((0.0, 0.0), 0.0, 1.0),
         mutable=True,
     )
-    delete_probability: float = parameter(
-        0.0,
-        "Existence probability below which a confirmed track is deleted; not used by PHD filters. "
-        "0 derives it from the detection probabilities and the track's missed detections.",
-        (0.0, 1.0),
-        mutable=True,
-    )
-    coasting_scans: float = parameter(
-        10.0,
+    coasting: tuple[float, float] = parameter(
+        [10.0, 10.0],
         "Time for which a track outside all coverage is reported, in intervals or in revolutions "
-        "if these are longer; not used by PHD filters. It keeps its number if it is detected "
-        "later.",
-        (0.0, 1e6),
-        mutable=True,
-    )
-    coasting_gates: float = parameter(
-        10.0,
-        "Largest spread of a reported track, in gates of five standard deviations of the noise of "
-        "a radar that reports, by area; not used by PHD filters. It keeps its number if it is "
-        "detected later.",
-        (SMALL, 1e6),
+        "if these are longer, and the largest spread of a reported track, in gates of five "
+        "standard deviations of the noise of a radar that reports, by area; not used by PHD "
+        "filters. A track keeps its number if it is detected later.",
+        form=place_forms.beginning_of((10.0, 10.0), 0.0, 1e6),
         mutable=True,
     )
     report_resting: bool = parameter(
@@ -186,17 +173,11 @@ class Tracking:
         choices=("auto", "band", "memory", "none"),
     )
     seed: int = parameter(0, "Seed of a PHD filter's random generator.", (0, 2**31 - 1))
-    particles_per_target: int = parameter(
-        0,
-        "Particles of a PHD filter per target after resampling; 0 for the number that accuracy "
-        "sets.",
-        (0, 10**6),
-    )
-    particles_per_birth: int = parameter(
-        0,
-        "Particles of a PHD filter per birth term, a power of two; 0 for the number that accuracy "
-        "sets.",
-        (0, 2**20),
+    particles: tuple[int, int] = parameter(
+        [0, 0],
+        "Particles of a PHD filter per target after resampling, and per birth term, a power of "
+        "two; 0 for the number that accuracy sets.",
+        form=place_forms.beginning_of((0, 0), 0, 10**6, whole=True),
     )
     birth_rates: list[float] = parameter(
         [0.1],
@@ -206,24 +187,12 @@ class Tracking:
         (0.0, 1e3),
         name="detection_births.rates",
     )
-    birth_velocity_std: float = parameter(
-        40.0,
-        "Standard deviation of the velocity of a target born at a detection, per axis, m/s.",
-        POSITIVE,
-        name="detection_births.velocity_std",
-    )
-    birth_turn_rate_std: float = parameter(
-        1e-3,
-        "Standard deviation of the turn rate of a target born at a detection, rad/s.",
-        POSITIVE,
-        name="detection_births.turn_rate_std",
-    )
-    birth_climb_std: float = parameter(
-        5.0,
-        "Standard deviation of the climb rate of a target born at a detection, m/s; only with "
-        "state: space.",
-        POSITIVE,
-        name="detection_births.climb_std",
+    birth_std: tuple[float, float, float] = parameter(
+        [40.0, 1e-3, 5.0],
+        "Standard deviations of the velocity of a target born at a detection, per axis, m/s, of "
+        "its turn rate, rad/s, and of its climb rate, m/s, which is only used with state: space.",
+        name="detection_births.std",
+        form=place_forms.beginning_of((40.0, 1e-3, 5.0), SMALL, 1e6),
     )
     birth_least_probability: float = parameter(
         1e-4,

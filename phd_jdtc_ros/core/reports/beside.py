@@ -395,10 +395,9 @@ class SelfReporting(LayerState):
     def _with_off(self, stamp_ns: int) -> SelfReporting:
         """Return the layer with the learned probability that an obliged target is off."""
         prior = np.array([each.off_prior for each in self.receivers])
-        learns = np.array([each.learns_off for each in self.receivers])
         count = self.learned.ended + self._off_of(stamp_ns)
         off = (PRIOR_TARGETS * prior + count[:, 0]) / (PRIOR_TARGETS + count[:, 1])
-        return self.changed(learned=self.learned._replace(off=np.where(learns, off, prior)))
+        return self.changed(learned=self.learned._replace(off=off))
 
     # Estimates
 

@@ -66,8 +66,7 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
         for each_s in (interval_s, np.maximum(interval_s, habits.rare_s))
     )
     # Before its second report nobody knows how often a transmitter reports, unless it says so.
-    rare = 0.0 if receiver.interval_s else habits.rare
-    quiet += np.where(gap_s > 0.0, 0.0, rare) * (rarely - quiet)
+    quiet += np.where(gap_s > 0.0, 0.0, habits.rare) * (rarely - quiet)
     obliged = np.zeros(size)
     if len(receiver.obliged):
         obliged = tracks.class_probability @ receiver.obliged

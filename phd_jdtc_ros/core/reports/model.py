@@ -50,8 +50,6 @@ class Receiver(ReadOnly):
     space: int = MMSI  # Identity space of reports that do not say theirs
     # Standard deviation of an antenna's place ahead of the middle, metres; a fifth to the left.
     offset_std: float = 40.0
-    # Interval of the reports of one transmitter, seconds; 0 for the rules of the identity space.
-    interval_s: float = 0.0
     lost: float = 0.2  # Probability that a report is not received
     off_prior: float = 0.1  # Probability that an obliged target does not transmit
     # Probability that a target of each class is obliged to transmit, (C,).
@@ -60,8 +58,6 @@ class Receiver(ReadOnly):
     max_age_s: float = 10.0
     # Corners of the covered area in the world, metres, (K, 2); none if it is learned.
     coverage: FloatArray = zeros_field(0, 2)
-    learns_lost: bool = True
-    learns_off: bool = True
 
     @property
     def habits(self) -> Habits:
@@ -88,8 +84,6 @@ class Receiver(ReadOnly):
         M.1371-5, annex 1, table 1). ADS-B sends positions twice a second; of receivers, one a
         second is usual.
         """
-        if self.interval_s > 0.0:
-            return np.full(len(speed), self.interval_s)
         if self.space != MMSI:
             every: FloatArray = np.maximum(1.0, least)
             return every

@@ -229,7 +229,7 @@ class LayerState(ReadOnly):
         """How each receiver loses reports."""
         found = []
         for own, counts in zip(self.receivers, self.learned.received.tolist(), strict=True):
-            got, sent, observed_s, hidden_s, stretches = counts if own.learns_lost else (0.0,) * 5
+            got, sent, observed_s, hidden_s, stretches = counts
             habits = own.habits
             lost = 1.0 - (PRIOR_REPORTS * (1.0 - own.lost) + got) / (PRIOR_REPORTS + sent)
             share = (PRIOR_S * habits.hidden + hidden_s) / (PRIOR_S + observed_s)

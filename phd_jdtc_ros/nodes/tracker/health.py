@@ -29,7 +29,7 @@ BUSY_SHARE, REAL_TIME = 0.95, 0.9
 # Advice for reducing the step time, and that for engines with parameters of their own.
 LOAD_ADVICE = "turn down accuracy or lag"
 OTHER_ADVICE = {
-    **dict.fromkeys(("phd", "phd_as_printed"), "turn down accuracy, particles_per_target or lag"),
+    **dict.fromkeys(("phd", "phd_as_printed"), "turn down accuracy, particles or lag"),
     "phd_gaussian": "turn down lag",
 }
 REGISTRATION_ADVICE = "record a bag and run register"

@@ -163,7 +163,7 @@ def _set_layout(proposed: Proposal, state: RadarState) -> None:
     proposed.values |= {
         f"{radar}.topic": names.detections(radar),
         f"{radar}.frame": radar,
-        f"{radar}.azimuth_convention": "enu_ccw",
+        f"{radar}.units.azimuth_convention": "enu_ccw",
     }
     # Quantities with the names of their columns, and the numbers of plots that have them.
     known = {"height": ("height", seen.heights), "code": ("code", seen.codes)}

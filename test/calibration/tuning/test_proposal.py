@@ -38,7 +38,7 @@ TURNING = {
     "tower.clutter_max_range": 8e4,
     "tower.clutter_rate": 12.0,
     "tower.detection_probability": 0.85,
-    "tower.azimuth_convention": "compass_cw",
+    "tower.units.azimuth_convention": "compass_cw",
     "tower.fields.time": "time",
     "tower.fields.amplitude": "",
 }

@@ -23,7 +23,7 @@ RADAR = {
     "straight.model": "constant_velocity",
     "straight.noise_density": 0.1,
     "detection_births.rates": [0.02],
-    "detection_births.velocity_std": 8.0,
+    "detection_births.std": [8.0],
     "spawn.rate": 0.0,
     "amplitude": "none",
     "interval_s": 2.0,

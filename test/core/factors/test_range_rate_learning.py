@@ -21,7 +21,7 @@ SCENE = {
     "interval_s": 1.0,
     "lag": 0,
     "detection_births.rates": [0.05],
-    "detection_births.velocity_std": 12.0,
+    "detection_births.std": [12.0, 2e-3],
     "cv.noise_density": DENSITY,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,

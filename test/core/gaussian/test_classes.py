@@ -29,7 +29,7 @@ def classes(given=None, names=("weak", "strong")):
         table[f"{name}.motions"] = ["cv"]
         table[f"{name}.mode_transition"] = [1.0]
         table[f"{name}.survival_probability"] = 1.0
-    return lone({**table, "confirm_probability": 1e-9, "delete_probability": 1e-9, **(given or {})})
+    return lone({**table, "existence": [1e-9, 1e-9], **(given or {})})
 
 
 @pytest.fixture
@@ -213,8 +213,7 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
         "lag": 3,
         "amplitude": amplitude,
         "spawn.rate": 0.0,
-        "confirm_probability": 0.1,
-        "delete_probability": 0.1,
+        "existence": [0.1, 0.1],
     }
     one = small(given)
     bands = {f"{name}.snr_band_db": one.values["class_1.snr_band_db"] for name in TWINS}
@@ -252,8 +251,7 @@ def test_classes_that_move_alike_share_their_gaussians_and_it_makes_no_differenc
     given = {
         "amplitude": "band",
         "lag": 3,
-        "confirm_probability": 0.1,
-        "delete_probability": 0.1,
+        "existence": [0.1, 0.1],
         **UNREDUCED,
     }
     given["bounds.hypotheses"] = 60

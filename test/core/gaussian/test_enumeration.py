@@ -130,8 +130,7 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
         {
             "target.survival_probability": survival,
             "lag": 4,
-            "confirm_probability": 1e-9,
-            "delete_probability": 1e-9,
+            "existence": [1e-9, 1e-9],
         }
     )
     (radar,) = config.model.radars
@@ -158,8 +157,7 @@ def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empt
     given = {
         "lag": 3,
         "bounds.least_mode": 0.0,
-        "confirm_probability": 1e-9,
-        "delete_probability": 1e-9,
+        "existence": [1e-9, 1e-9],
     }
     config = configuration({**TWO_MOTIONS, **given})
     (radar,) = config.model.radars
@@ -197,8 +195,7 @@ def test_target_that_no_radar_sees_any_more_fades_as_bayes_says():
     config = configuration(
         {
             "target.survival_probability": SURVIVAL,
-            "confirm_probability": 1e-9,
-            "delete_probability": 1e-9,
+            "existence": [1e-9, 1e-9],
         }
     )
     engine = started(config, (0.8, MEAN, STD))

@@ -10,8 +10,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.types import Detections, Scan
 
 CLUTTER = {
-    "confirm_probability": 1e-9,
-    "delete_probability": 1e-9,
+    "existence": [1e-9, 1e-9],
     "lag": 3,
     "radar.detection_probability": 0.9,
     "radar.clutter_rate": 3.0,

@@ -138,11 +138,11 @@ def test_slant_ranges_are_no_matter_where_the_height_is_known_or_small(changes):
 
 def test_azimuths_in_radians_that_are_read_as_degrees_are_noticed_once():
     reports = uniform(40, 20, 0.0, np.radians(2.0 * np.pi))
-    turning = {"rotation_s": 4.0, "azimuth_unit": "deg"}
+    turning = {"rotation_s": 4.0, "units.azimuth": "deg"}
     for convention in ("enu_ccw", "compass_cw"):
-        check = check_of(**turning, azimuth_convention=convention)
+        check = check_of(**turning, **{"units.azimuth_convention": convention})
         assert noticed(check, reports) == {"azimuths_in_radians": 1}
-    assert not noticed(check_of(**turning | {"azimuth_unit": "rad"}), reports)
+    assert not noticed(check_of(**turning | {"units.azimuth": "rad"}), reports)
     assert not noticed(check_of(**turning, fov_deg=[-3.0, 3.5]), reports)
     assert not noticed(check_of(**turning), uniform(40, 20, 0.0, 0.2))
     assert not noticed(check_of(**turning), uniform(40, 20, 0.0, 0.03))
@@ -151,15 +151,19 @@ def test_azimuths_in_radians_that_are_read_as_degrees_are_noticed_once():
 def test_azimuths_in_turns_are_noticed_where_they_fill_their_first_unit():
     for unit, size in (("rad", 1.0), ("deg", np.radians(1.0))):
         reports = uniform(40, 20, 0.0, size)
-        assert noticed(check_of(azimuth_unit=unit, rotation_s=4.0), reports) == {
+        assert noticed(check_of(**{"units.azimuth": unit}, rotation_s=4.0), reports) == {
             "azimuths_in_turns": 1
         }
-        compass = {"azimuth_unit": unit, "rotation_s": 4.0, "azimuth_convention": "compass_cw"}
+        compass = {
+            "units.azimuth": unit,
+            "rotation_s": 4.0,
+            "units.azimuth_convention": "compass_cw",
+        }
         from_north = uniform(40, 20, 0.5 * np.pi - size, 0.5 * np.pi)
         assert noticed(check_of(**compass), from_north) == {"azimuths_in_turns": 1}
         for low, high in ((-0.5, 0.5), (0.1, 1.0), (0.0, 0.9), (0.0, 1.1)):
             part = uniform(40, 20, low * size, high * size)
-            assert not noticed(check_of(azimuth_unit=unit, rotation_s=4.0), part)
+            assert not noticed(check_of(**{"units.azimuth": unit}, rotation_s=4.0), part)
 
 
 def test_ranges_in_kilometres_are_noticed_once_where_the_radar_sees_far():

@@ -215,7 +215,7 @@ def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
 APPEARING = {
     "births": [],
     "detection_births.rates": [0.05, 0.05],
-    "detection_births.velocity_std": 150.0,
+    "detection_births.std": [150.0],
 }
 
 

@@ -126,9 +126,7 @@ def test_engine_does_not_update_with_a_radar_that_did_not_report(engine):
 
 @every_engine
 def test_engine_of_one_mode_tracks_a_target(engine):
-    config = plain(
-        {"engine": engine, "radar.clutter_rate": 3.0, "lag": 2, "particles_per_birth": 512}
-    )
+    config = plain({"engine": engine, "radar.clutter_rate": 3.0, "lag": 2, "particles": [0, 512]})
     target = TargetScript(0, 1e4, (8e3, 6e3), (-30.0, 20.0), 0, 5)
     scene = replace(short_scenario(6), targets=(target,), radars=config.model.radars)
     tracker = new_engine(config)

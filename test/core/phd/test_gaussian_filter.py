@@ -327,8 +327,7 @@ def test_smoothing_repairs_a_miss_and_adds_no_mass_to_a_target_that_lives(p_d):
 
 def test_particles_agree_with_the_closed_form():
     given = {
-        "particles_per_target": 4000,
-        "particles_per_birth": 4096,
+        "particles": [4000, 4096],
         "spawning.particles_per_target": 400,
         "lag": 4,
     }

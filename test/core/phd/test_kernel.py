@@ -19,9 +19,8 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 DEATH_TERMS = {"bernoulli": bernoulli_death_term, "printed": printed_death_term}
 SPARSE_BUDGET = {
-    "particles_per_target": 80,
+    "particles": [80, 16],
     "budget.least": 10,
-    "particles_per_birth": 16,
     "spawning.particles_per_target": 30,
 }
 

@@ -188,7 +188,7 @@ def toy_masses(snr_db, seen, death_term):
     model, budget = single_target(
         {
             "target.snr_band_db": band,
-            "particles_per_target": 400,
+            "particles": [400],
             "budget.least": 100,
         }
     )
@@ -246,7 +246,7 @@ def rts_comparison():
             "radar.range_std": 30.0,
             "radar.azimuth_std_deg": 0.16,
             "cv.noise_density": density,
-            "particles_per_target": 3000,
+            "particles": [3000],
             "target.survival_probability": 1.0,
         }
     )

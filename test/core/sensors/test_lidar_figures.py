@@ -21,7 +21,7 @@ TRACKER = {
     "ct.noise_density": 0.5,
     "ct.turn_noise_density": 0.02,
     "lag": 5,
-    "detection_births": {"rates": [0.02], "velocity_std": 5.0, "turn_rate_std": 0.2},
+    "detection_births": {"rates": [0.02], "std": [5.0, 0.2]},
     "radar": {
         "kind": "position",
         "position_std": 0.25,

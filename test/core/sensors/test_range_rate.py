@@ -17,7 +17,7 @@ RATED = {
     "radar.azimuth_std_deg": 0.5,
     "radar.fov_deg": [-60.0, 60.0],
 }
-CONFIG = lone({**RATED, "detection_births.rates": [0.1], "detection_births.velocity_std": 12.0})
+CONFIG = lone({**RATED, "detection_births.rates": [0.1], "detection_births.std": [12.0, 2e-3]})
 (RADAR,) = CONFIG.model.radars
 BIRTHS = DetectionBirthModel(np.array([0.1]), 12.0, 1e-3)
 AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, -3.0))

@@ -162,8 +162,8 @@ def test_derived_thresholds_follow_from_the_detection_probability():
 def test_thresholds_bound_each_other():
     assert rule_of(MODEL, True, confirm=0.2).delete == pytest.approx([0.2, 0.2])
     assert rule_of(MODEL, True, delete=0.9).confirm == pytest.approx([0.9, 0.9])
-    with pytest.raises(ConfigError, match=r"delete_probability: 0\.9 given, must be at most"):
-        resolve({"confirm_probability": 0.5, "delete_probability": 0.9})
+    with pytest.raises(ConfigError, match=r"existence: \[0\.5, 0\.9\] given, the second must be"):
+        resolve({"existence": [0.5, 0.9]})
 
 
 def test_records_weigh_what_the_band_leaves_open_without_memory():

@@ -259,7 +259,7 @@ def test_unlabelled_estimates_are_reported_above_one_threshold():
     config = resolve({"engine": "phd"})
     assert not config.rule.labelled
     assert config.rule.least == config.rule.least_smoothed == 0.5
-    given = resolve({"engine": "phd", "confirm_probability": 0.7, "delete_probability": 0.9})
+    given = resolve({"engine": "phd", "existence": [0.7, 0.9]})
     assert given.rule.least == given.rule.least_smoothed == 0.7
     assert (given.rule.delete == 0.7).all()
     states = TrackStates(config.rule)

@@ -26,7 +26,7 @@ PARAMETERS = {
     "ship.mode_transition": [1.0],
     "ship.survival_probability": 0.9999,
     "detection_births.rates": [0.2],
-    "detection_births.velocity_std": 5.0,
+    "detection_births.std": [5.0],
     "radar.position": [0.0, 0.0],
     "radar.range_std": 12.0,
     "radar.azimuth_std_deg": 0.3,

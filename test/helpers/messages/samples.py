@@ -53,11 +53,31 @@ def cloud(
     )
 
 
+# Two words of `Units`, each with its key, for false and true.
+FLAGS = {
+    "compass": ("azimuth_convention", ("enu_ccw", "compass_cw")),
+    "azimuth_in_degrees": ("azimuth", ("rad", "deg")),
+    "amplitude_in_db": ("amplitude", ("linear", "db")),
+    "time_since_epoch": ("time_reference", ("stamp", "epoch")),
+}
+
+
 def layout(usual, **changes):
-    """Return how a radar's clouds are read, with changes; ``X_field`` names a quantity's field."""
+    """Return how a radar's clouds are read, with changes; ``X_field`` names a quantity's field.
+
+    ``X_unit`` is a quantity's unit, and the keys of `FLAGS` are true or false.
+    """
+    units = {key: changes.pop(key) for key in [*changes] if key.endswith("_unit")}
+    units = {key.removesuffix("_unit"): word for key, word in units.items()}
+    units |= {
+        key: words[bool(changes.pop(flag))]
+        for flag, (key, words) in FLAGS.items()
+        if flag in changes
+    }
     named = {key: changes.pop(key) for key in [*changes] if key.endswith("_field")}
     fields_of = {key.removesuffix("_field"): name for key, name in named.items()}
-    return replace(usual, fields=replace(usual.fields, **fields_of), **changes)
+    given = replace(usual, fields=replace(usual.fields, **fields_of), **changes)
+    return replace(given, units=replace(usual.units, **units))
 
 
 def radar(**changes):

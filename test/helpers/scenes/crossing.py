@@ -6,7 +6,7 @@ import numpy as np
 PARAMETERS = {
     "interval_s": 1.0,
     "radar": {"range_std": 5.0, "azimuth_std_deg": 0.5, "max_range": 1500.0, "clutter_rate": 2.0},
-    "detection_births": {"velocity_std": 15.0},
+    "detection_births": {"std": [15.0]},
 }
 LAST = 40
 

@@ -16,7 +16,7 @@ GIVEN = {
     "target.survival_probability": 0.999,
     "births": [],
     "detection_births.rates": [0.2],
-    "detection_births.velocity_std": 100.0,
+    "detection_births.std": [100.0, 2e-3],
     "detection_births.least_probability": 0.005,
     "lag": 3,
     "radar.position": [0.0, 0.0],
@@ -28,8 +28,7 @@ GIVEN = {
     "radar.max_range": RANGE,
     "radar.clutter_max_range": RANGE,
     "cv.noise_density": 3.0,
-    "confirm_probability": 0.97,
-    "delete_probability": 0.8,
+    "existence": [0.97, 0.8],
 }
 
 

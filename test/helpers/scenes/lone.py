@@ -49,8 +49,7 @@ TWO_MOTIONS = {
 }
 BIRTHS = {
     "detection_births.rates": [0.05],
-    "detection_births.velocity_std": 35.0,
-    "detection_births.turn_rate_std": 2e-3,
+    "detection_births.std": [35.0, 2e-3],
     "radar.clutter_rate": 2.0,
 }
 # Nothing is dropped or merged.

@@ -24,7 +24,7 @@ PARAMETERS = {
     "classes": ["boat"],
     "motions": ["cv"],
     "births": [],
-    "detection_births": {"rates": [0.1], "velocity_std": 8.0},
+    "detection_births": {"rates": [0.1], "std": [8.0]},
     "spawn": {"rate": 0.0},
     "boat": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 0.05},

@@ -9,9 +9,8 @@ from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 
 SMALL_BUDGET = {
-    "particles_per_target": 200,
+    "particles": [200, 64],
     "budget.least": 20,
-    "particles_per_birth": 64,
     "spawning.particles_per_target": 20,
 }
 # The motion that the distances and numbers of rows in these scenes are made for.

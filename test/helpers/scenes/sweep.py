@@ -24,7 +24,7 @@ GIVEN = {
     "radar.clutter_max_range": 100e3,
     "radar.detection_probability": 0.95,
     "detection_births.rates": [0.5],
-    "detection_births.velocity_std": 150.0,
+    "detection_births.std": [150.0],
     "detection_births.least_probability": 5e-3,
     "spawn.rate": 0.0,
     "aircraft.motions": ["cv", "ct"],

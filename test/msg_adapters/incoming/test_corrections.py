@@ -23,17 +23,17 @@ def inputs(biases, **changes):
 
 LAYOUTS = {
     "counter-clockwise": {},
-    "compass": {"azimuth_convention": "compass_cw", "azimuth_unit": "deg"},
-    "epoch": {"fields.time": "time", "time_reference": "epoch"},
+    "compass": {"units.azimuth_convention": "compass_cw", "units.azimuth": "deg"},
+    "epoch": {"fields.time": "time", "units.time_reference": "epoch"},
     "radar_scan": {"message": "radar_scan"},
-    "radar_scan, compass": {"message": "radar_scan", "azimuth_convention": "compass_cw"},
+    "radar_scan, compass": {"message": "radar_scan", "units.azimuth_convention": "compass_cw"},
 }
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_a_report_is_read_without_its_radars_errors(layout):
     radar = inputs(ERRORS, **layout)
-    assert radar.bias.azimuth < 0 if layout.get("azimuth_unit") else radar.bias.azimuth > 0
+    assert radar.bias.azimuth < 0 if layout.get("units.azimuth") else radar.bias.azimuth > 0
     stamp_ns, wrong = radar.bias.apply_to(STAMP_NS, TRUE)
     reader = reader_of(radar)
     report = reader.from_cdr(reader.to_cdr(wrong, stamp_ns, radar), radar)

@@ -156,9 +156,8 @@ def test_written_clouds_are_read_again():
     fields = {"time": "time", "amplitude": "a", "height": "h", "code": "c", "velocity_std": "v"}
     own = sensor(
         **{f"fields.{name}": value for name, value in fields.items()},
-        amplitude_unit="db",
         amplitude_offset_db=3.0,
-        time_reference="epoch",
+        **{"units.amplitude": "db", "units.time_reference": "epoch"},
     )
     sent = Detections(
         np.array([[1.0, 2.0], [3.0, 4.0]]),

@@ -10,7 +10,6 @@ from msg_adapters.encoding import RejectedMessageError
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.parameters.radar import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, Air, HeightPrior
 from phd_jdtc_ros.core.types import Detections
@@ -20,9 +19,9 @@ INF, NAN = np.inf, np.nan
 STDS = {"range_std_field": "dr", "azimuth_std_field": "da"}
 LAYOUTS = {
     "relative": {"time_field": "t"},
-    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
+    "milliseconds": {"time_field": "t", "time_unit": "ms"},
     "epoch": {"time_field": "t", "time_since_epoch": True},
-    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
+    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit": "ns"},
     "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
     "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
     "rates": {"range_rate_field": "rr", "range_rate_std_field": "sd"},
@@ -47,7 +46,7 @@ def timed(*times, datatype=F8, **changes):
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 @pytest.mark.parametrize("datatype", [F4, F8])
 def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatype):
-    report = timed(-1.5 * scale, 0.25 * scale, time_unit_s=TIME_UNITS[unit], datatype=datatype)
+    report = timed(-1.5 * scale, 0.25 * scale, time_unit=unit, datatype=datatype)
     assert_allclose(report.detections.time_s, [-1.5, 0.25], rtol=1e-12)
     assert not report.dropped
     assert not report.anomalies
@@ -61,7 +60,7 @@ def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
     sent = [
         float((seconds * 10**9 + nanoseconds + round(t * 1e9)) * scale / 10**9) for t in expected
     ]
-    found = timed(*sent, time_unit_s=TIME_UNITS[unit], time_since_epoch=True).detections.time_s
+    found = timed(*sent, time_unit=unit, time_since_epoch=True).detections.time_s
     assert_allclose(found, expected, rtol=0.0, atol=1e-6)
 
 
@@ -211,7 +210,7 @@ def test_to_msg_writes_what_from_msg_reads(changes):
         noise_std=np.array([[6.0, np.nan], [np.nan, 0.001]]),
         range_rate=np.array([-3.5, np.nan]),
         range_rate_std=np.array([0.25, np.nan]),
-        coverage=coverage_of(3, layout.sectors or 8, layout.compass),
+        coverage=coverage_of(3, layout.sectors or 8, layout.units.compass),
     )
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
     assert not report.dropped
@@ -356,18 +355,18 @@ def test_detection_with_an_impossible_elevation_is_kept_without_it(bad, unusable
     assert_allclose(found.detections.noise_std, [[NAN] * 3, [NAN, NAN, UNKNOWN_STD]])
     if unusable:
         (said,) = anomalies.of(radar(), found.anomalies)
-        assert "radar_1.elevation_unit to deg" in said
+        assert "radar_1.units.elevation to deg" in said
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg", "down_rad", "down_deg"])
 def test_elevations_are_in_their_unit_and_sense(unit):
-    scale = resolve({"radar_1.elevation_unit": unit}).inputs[0].elevation_scale
+    scale = resolve({"radar_1.units.elevation": unit}).inputs[0].units.elevation_rad
     assert (scale < 0.0, abs(scale) < 0.02) == ("down" in unit, "deg" in unit)
     points = [(1000.0, 0.1, 0.5 / scale, 0.01 / abs(scale))]
-    found = in_space(points, ["de"], elevation_scale=scale, elevation_std_field="de").detections
+    found = in_space(points, ["de"], elevation_unit=unit, elevation_std_field="de").detections
     assert_allclose(found.measurement, [[1000.0, 0.1, 0.5]], rtol=1e-7)
     assert_allclose(found.noise_std, [[NAN, NAN, 0.01]], rtol=1e-6)
-    flat = read(["el"], [points[0][:3]], elevation_field="el", elevation_scale=scale)
+    flat = read(["el"], [points[0][:3]], elevation_field="el", elevation_unit=unit)
     assert_allclose(flat.detections.measurement, [[1000.0 * np.cos(0.5), 0.1]], rtol=1e-7)
 
 
@@ -378,8 +377,8 @@ def test_elevations_with_the_wrong_sign_are_named_with_the_line_that_mends_it():
     assert found.anomalies == {"elevations_opposite": 3}
     assert len(found.detections) == 4
     (said,) = anomalies.of(radar(**sonar), found.anomalies)
-    assert "radar_1.elevation_unit to down_rad" in said
-    assert not in_space(points, elevation_scale=-1.0, **sonar).anomalies
+    assert "radar_1.units.elevation to down_rad" in said
+    assert not in_space(points, elevation_unit="down_rad", **sonar).anomalies
     # With any field of view they put the targets below the floor of heights.
     below = [(distance, azimuth, -elevation) for distance, azimuth, elevation in points]
     assert in_space(below).anomalies == {"elevations_opposite": 3}

@@ -124,7 +124,7 @@ def test_file_of_another_name_beside_a_clock_for_all_ends_the_node(
 def test_file_for_other_nodes_is_logged_beside_one_for_the_node(processes, peer, tmp_path):
     path, good = tmp_path / "north.yaml", tmp_path / "good.yaml"
     path.write_text("/**/tracker: {ros__parameters: {lag: 2}}\n")
-    good.write_text("/**: {ros__parameters: {lag: 3, particles_per_target: 100}}\n")
+    good.write_text("/**: {ros__parameters: {lag: 3, particles: [100]}}\n")
     files = ("--params-file", good, "--params-file", path)
     tracker = processes.start("tracker", "--ros-args", "-r", "__node:=t2", *files, *FAST)
     text = peer.said(tracker, "tracking ")
@@ -138,7 +138,7 @@ def test_file_with_a_section_for_the_tracker_is_named(processes, peer, tmp_path,
     path.write_text(
         f"{section}:\n  ros__parameters:\n    sensors: [north]\n"
         "    north: {topic: plots, max_range: 1e4, clutter_max_range: 1e4}\n"
-        "    particles_per_target: 100\n"
+        "    particles: [100]\n"
     )
     tracker = processes.start(
         "tracker", "--ros-args", "-r", "__ns:=/s1", "--params-file", path, *FAST

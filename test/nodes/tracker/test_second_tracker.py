@@ -11,7 +11,7 @@ from std_msgs.msg import String
 CLAIMS = "/tracker/_instance"
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # With so many particles a step takes seconds.
-BUSY = {"engine": "phd", "particles_per_target": 30000}
+BUSY = {"engine": "phd", "particles": [30000]}
 SAID = "another tracker runs as /tracker: this one ends"
 
 

@@ -53,14 +53,14 @@ def test_resolve_lists_the_faults_of_both():
 
 def test_mutable_names_are_there():
     assert USUAL.mutable <= USUAL.table.keys()
-    assert {"confirm_probability", "radar_2.clutter_rate", "gate.rates"} <= BORN.mutable
+    assert {"existence", "radar_2.clutter_rate", "gate.rates"} <= BORN.mutable
     assert not {"lag", "sensors", "autostart", "radar_1.topic", "checkpoint.path"} & USUAL.mutable
 
 
 def test_changed_gives_what_a_start_with_it_gives():
     changes = {
         "radar_2.clutter_rate": 40,
-        "confirm_probability": 0.7,
+        "existence": [0.7],
         "outputs": ["detections", "frames", "curves"],
     }
     found, fresh = change(USUAL, changes), resolve(changes)
@@ -131,11 +131,11 @@ def test_edited_and_changed_list_every_fault():
         "lag: -1 given, must be a whole number, at least 0, at most 100",
         "class_0.survival: unknown parameter, did you mean class_0.survival_probability?",
     ]
-    changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
+    changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "existence": [2.0]}
     assert faults_of(change, USUAL, changes) == [
         "lag: cannot change while the tracker is configured, clean it up before",
         "survival: unknown parameter",
-        *faults_of(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
+        *faults_of(resolve, {"radar_1.clutter_rate": -1.0, "existence": [2.0]}),
     ]
 
 
@@ -162,7 +162,7 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     # Learning goes on from what was learned, and not from a new first guess.
     small = resolve({**SMALL, "radar_1.learn": [], "radar_2.learn": []})
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
-    other = change(small, {"radar_1.clutter_rate": 60.0, "confirm_probability": 0.3})
+    other = change(small, {"radar_1.clutter_rate": 60.0, "existence": [0.3]})
     engine, fresh = new_engine(small.config), new_engine(other.config)
     engine.retune(other.config.model, other.config.rule)
     for scan in scans:

@@ -177,7 +177,7 @@ def test_noise_set_much_too_large_is_reported(processes, peer):
 
 def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
     """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
-    given = {"engine": "phd", "particles_per_target": 8000}
+    given = {"engine": "phd", "particles": [8000]}
     many = options(**reference.parameters(given))
     tracker = start_tracker(processes, *many, qos=())
     group = connected(peer)
@@ -192,7 +192,7 @@ def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer)
             break
     tracker.kill()  # it would finish its step first
     assert step, found
-    assert "turn down accuracy, particles_per_target" in step[0]
+    assert "turn down accuracy, particles" in step[0]
     for texts in lost:
         assert texts
         assert all("the tracker is too slow" in text for text in texts), found

@@ -30,7 +30,7 @@ def tracker(lasting, peer):
 
 
 def test_parameters_have_descriptions_ranges_and_whether_they_may_change(tracker, peer):
-    asked = ["confirm_probability", "lag", "checkpoint.every"]
+    asked = ["equipped_probability", "lag", "checkpoint.every"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
     threshold, lag, every = reply.descriptors
@@ -38,7 +38,10 @@ def test_parameters_have_descriptions_ranges_and_whether_they_may_change(tracker
     when = "; changes while the node is not configured"
     told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
     assert told == [False, True, True]
-    assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
+    assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (
+        0.999,
+        100,
+    )
     assert (
         every.description
         == "Number of scans between checkpoints; 0 for checkpoints on request only."
@@ -52,7 +55,7 @@ def test_own_parameters_given_again_are_no_change(tracker, peer):
     request = GetParameters.Request(names=names)
     values = peer.call(GetParameters, "/tracker/get_parameters", request).values
     own = [ParameterMessage(name=n, value=v) for n, v in zip(names, values, strict=True)]
-    threshold = next(p for p in own if p.name == "confirm_probability")
+    threshold = next(p for p in own if p.name == "equipped_probability")
     threshold.value.double_value = 0.875
     request = SetParameters.Request(parameters=own)
     results = peer.call(SetParameters, "/tracker/set_parameters", request).results
@@ -62,7 +65,7 @@ def test_own_parameters_given_again_are_no_change(tracker, peer):
     assert len(own) > 50
     log = peer.said(tracker, "changed: ")
     (line,) = [row for row in log.splitlines() if "changed: " in row]
-    assert line.endswith("changed: confirm_probability 0.875")
+    assert line.endswith("changed: equipped_probability 0.875")
 
 
 def test_single_parameters_are_set_and_refused_one_by_one(tracker, peer):

@@ -59,7 +59,7 @@ parameters:
   motions: [cv, ct]
   aircraft: {motions: [cv, ct], mode_transition: [0.95, 0.05, 0.1, 0.9]}
   births: []
-  detection_births: {rates: [0.2], velocity_std: 100.0}
+  detection_births: {rates: [0.2], std: [100.0]}
   spawn: {rate: 0.0}
 start_s: 1000.0
 interval_s: 1.0

@@ -240,7 +240,7 @@ def test_track_bag_warns_of_a_missing_amplitude_once_a_radar(short_bag, track, f
 
 
 def test_track_bag_warns_of_azimuths_probably_in_degrees(short_bag, simulate, track, faults):
-    _, bag = simulate("-p", "radar_1.azimuth_unit:=deg", out="degrees")
+    _, bag = simulate("-p", "radar_1.units.azimuth:=deg", out="degrees")
     # A foreign recording, without parameters of its radars.
     (bag / "parameters.yaml").unlink()
     status, _ = track(bag)
@@ -248,8 +248,8 @@ def test_track_bag_warns_of_azimuths_probably_in_degrees(short_bag, simulate, tr
     (fault,) = faults()
     count, rest = fault.removeprefix(f"{RADARS[0]}: ").split(" ", 1)
     assert int(count) > 100
-    assert rest == ("azimuths beyond 2 pi rad; probably degrees, set radar_1.azimuth_unit to deg")
-    assert track(bag, "-p", "radar_1.azimuth_unit:=deg", out="right")[0] == 0
+    assert rest == ("azimuths beyond 2 pi rad; probably degrees, set radar_1.units.azimuth to deg")
+    assert track(bag, "-p", "radar_1.units.azimuth:=deg", out="right")[0] == 0
     assert faults() == []
 
 

@@ -33,7 +33,7 @@ HARBOUR = {
     "interval_s": 2.5,
     "lag": 0,
     "detection_births.rates": [0.02, 0.02],
-    "detection_births.velocity_std": 8.0,
+    "detection_births.std": [8.0],
     "cv.noise_density": 0.02,
     "ct.noise_density": 0.02,
     "spawn.rate": 0.0,

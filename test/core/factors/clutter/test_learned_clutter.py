@@ -78,7 +78,7 @@ def test_one_high_detection_among_noise_is_no_target():
     existence = {}
     threshold = RADARS[0].threshold
     for law in ("rayleigh", "learned"):
-        reported = {"confirm_probability": 1e-9, "delete_probability": 1e-9}
+        reported = {"existence": [1e-9, 1e-9]}
         tracker = engine_of(**reported, **dict.fromkeys(LEARNED, law))
         for index in range(30):
             rng = np.random.default_rng(index)

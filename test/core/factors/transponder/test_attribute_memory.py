@@ -23,7 +23,7 @@ GIVEN = {
     "interval_s": PERIOD,
     "births": [],
     "detection_births.rates": [0.05],
-    "detection_births.velocity_std": 100.0,
+    "detection_births.std": [100.0, 2e-3],
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,

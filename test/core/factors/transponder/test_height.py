@@ -203,7 +203,7 @@ def test_both_engines_publish_filtered_and_smoothed_heights(level):
         "lag": 3,
         "births": [],
         "detection_births.rates": [0.05],
-        "detection_births.velocity_std": 100.0,
+        "detection_births.std": [100.0, 2e-3],
         "radar.fields.height": "height",
         "radar.detection_probability": 0.95,
         "radar.clutter_rate": 1.0,

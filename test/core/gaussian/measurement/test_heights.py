@@ -175,7 +175,7 @@ def test_positions_with_heights_are_tracked_in_space():
         "radar.position_std": 0.4,
         "radar.position": [10.0, 5.0, 2.0],
         "detection_births.rates": [0.1],
-        "detection_births.velocity_std": 10.0,
+        "detection_births.std": [10.0, 2e-3],
         "interval_s": 0.1,
         "radar.detection_probability": 0.95,
         "radar.clutter_rate": 1.0,

@@ -40,7 +40,7 @@ def rated(velocity_std, ambiguity, std=0.1):
         {
             **TWO_MOTIONS,
             **BIRTHS,
-            "detection_births.velocity_std": velocity_std,
+            "detection_births.std": [velocity_std, 2e-3],
             "radar.fields.range_rate": "range_rate",
             "radar.range_rate_std": std,
             "radar.range_rate_ambiguity": ambiguity,

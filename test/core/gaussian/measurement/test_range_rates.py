@@ -22,7 +22,7 @@ ROAD = {
     "interval_s": 0.1,
     "births": [],
     "detection_births.rates": [0.02],
-    "detection_births.velocity_std": 12.0,
+    "detection_births.std": [12.0, 2e-3],
     "cv.noise_density": 4.0,
     "lag": 4,
     "radar.position": [0.0, 0.0],

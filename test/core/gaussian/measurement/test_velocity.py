@@ -141,7 +141,7 @@ def test_coarse_likelihood_is_that_at_the_prediction():
 
 
 def test_target_is_born_with_its_velocity():
-    births = {"detection_births.rates": [0.05], "detection_births.velocity_std": BIRTH_STD}
+    births = {"detection_births.rates": [0.05], "detection_births.std": [BIRTH_STD, 2e-3]}
     model = lone({**GIVEN, **births}).model
     world = np.array([[3.0, -4.0], [np.nan, np.nan]])
     seen = Detections(np.zeros((2, 2)), None, velocity=world @ TURN.T)

@@ -53,8 +53,8 @@ PARAMETERS = {
         "topic": "/drivers/south/targets",
         "position": [1e3, -9e3],
         "fields": {"range": "rho", "azimuth": "theta", "amplitude": "snr"},
-        "amplitude_unit": "db",
-        "azimuth_convention": "compass_cw",
+        "units.amplitude": "db",
+        "units.azimuth_convention": "compass_cw",
     },
     "east": {
         **MEASURES,
@@ -209,16 +209,16 @@ def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     operator.send(0, half)
 
     # A change is refused whole, with every reason.
-    result = operator.set(confirm_probability=0.9, north__clutter_rate=-1.0, lag=9)
+    result = operator.set(existence=[0.9], north__clutter_rate=-1.0, lag=9)
     assert not result.successful
     assert "north.clutter_rate: -1.0 given, must be a finite number, at least 0" in result.reason
     assert "lag: cannot change while the tracker is configured" in result.reason
-    assert operator.get("confirm_probability", "north.clutter_rate") == [0.0, 5.0]
+    assert operator.get("existence", "north.clutter_rate") == [[0.0, 0.0], 5.0]
 
     # An accepted one holds from the next scan on: nothing is that likely.
-    never = {"confirm_probability": 1.0, "delete_probability": 1.0}
+    never = {"existence": [1.0, 1.0]}
     assert operator.set(**never, east__clutter_rate=6).successful
-    assert operator.get(*never, "east.clutter_rate") == [1.0, 1.0, 6.0]
+    assert operator.get(*never, "east.clutter_rate") == [[1.0, 1.0], 6.0]
     operator.send(half, half + 2)
     assert operator.set(**dict.fromkeys(never, 0.0), east__clutter_rate=5.0).successful
     assert peer.spin_until(lambda: stamp_of(operator.filtered[-1]) >= STAMPS[half])

@@ -23,7 +23,7 @@ PARAMETERS = {
     "interval_s": 2.5,
     "lag": 0,
     "detection_births.rates": [0.2, 0.2],
-    "detection_births.velocity_std": 5.0,
+    "detection_births.std": [5.0],
     "cv.noise_density": 0.02,
     "ct.noise_density": 0.02,
     "spawn.rate": 0.0,

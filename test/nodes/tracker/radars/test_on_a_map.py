@@ -23,9 +23,9 @@ FOREIGN = {
     "radar_2.fields.range": "dist",
     "radar_2.fields.azimuth": "angle",
     "radar_2.fields.amplitude": "snr",
-    "radar_2.amplitude_unit": "db",
-    "radar_2.azimuth_unit": "deg",
-    "radar_2.azimuth_convention": "compass_cw",
+    "radar_2.units.amplitude": "db",
+    "radar_2.units.azimuth": "deg",
+    "radar_2.units.azimuth_convention": "compass_cw",
 }
 NO_TARGETS = (np.zeros((0, 5)), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 MISSING = "tf2_msgs is not installed"

@@ -29,14 +29,14 @@ PARAMETERS = {
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
-    "detection_births": {"rates": [0.1], "velocity_std": 150.0},
+    "detection_births": {"rates": [0.1], "std": [150.0]},
     "spawn": {"rate": 0.0},
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 5.0},
     "tower": {
         "topic": "/tower/plots",
         "fields": {"amplitude": "", "time": "time", "sector": "sector"},
-        "azimuth_convention": "compass_cw",
+        "units.azimuth_convention": "compass_cw",
         "rotation_s": ROTATION_S,
         "sectors": 16,
         "detection_probability": 0.95,
@@ -77,7 +77,7 @@ def clouds(config, per_revolution, clutter=CLUTTER):
             measurement = np.stack([distance[inside], azimuth[inside]], axis=1)
             found = Detections(measurement, None, time_s[inside] - end_s)
             if radar.fields.sector:
-                found = replace(found, coverage=coverage_of(part, radar.sectors, radar.compass))
+                found = replace(found, coverage=coverage_of(part, radar.sectors, radar.units.compass))
             stamp_ns = START_NS + round(end_s * 1e9)
             sent.append(detections.to_msg(found, stamp_ns, radar.frame, radar))
     return sent
