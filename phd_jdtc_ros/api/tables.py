@@ -29,8 +29,6 @@ LATEST_S = 9.2e9
 # Times are refused if their resolution is more than half of the usual step, and of the second one
 # of these; steps longer than the first one are no scans.
 LONGEST_STEP_S, SHORTEST_STEP_S = 2.0, 0.06
-# Doubles that are all of single precision, from 5e8 s on, have been of that type before.
-SURELY_COARSE_S = 32.0
 UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 # No coordinate of a target is larger, metres.
 MOST_METRES = 1e9
@@ -222,9 +220,11 @@ def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
         )
     usual = min(max(usual, SHORTEST_STEP_S), LONGEST_STEP_S)
     single = float(np.spacing(np.float32(latest)))
+    # Doubles that are all of single precision, from 5e8 s on, have been of that type before.
+    surely_coarse_s = 32.0
     if column.dtype.kind == "f" and column.dtype.itemsize < 8:
         resolution, given = float(np.spacing(column.max())), str(column.dtype)
-    elif len(seconds) > 1 and single > SURELY_COARSE_S and (np.float32(seconds) == seconds).all():
+    elif len(seconds) > 1 and single > surely_coarse_s and (np.float32(seconds) == seconds).all():
         resolution, given = single, "float32, whatever the column's type is now"
     else:
         return

@@ -26,9 +26,6 @@ SMALL = 1e-9
 POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
 # Smallest similarity of a suggested name.
 MIN_SIMILARITY = 0.75
-# Largest number of unknown names for which suggestions are searched: more mean that the file is for
-# another program, and each search takes time.
-MAX_SUGGESTIONS = 20
 _DIGITS = re.compile(r"\d+")
 _NO_NAMES: Mapping[str, str] = MappingProxyType({})
 # Key of a parameter in the metadata of its field.
@@ -315,7 +312,10 @@ def name_faults(
     instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}
     faults = [f"{name}: no longer a parameter, {text}" for name, text in instead.items() if text]
     unknown = [name for name in others if not instead[name]]
-    candidates = {*known, *similar} if len(unknown) <= MAX_SUGGESTIONS else ()
+    # Largest number of unknown names for which suggestions are searched: more mean that the file is
+    # for another program, and each search takes time.
+    max_suggestions = 20
+    candidates = {*known, *similar} if len(unknown) <= max_suggestions else ()
     hints = (_question(name, candidates) or explain(name) for name in unknown)
     return faults + [
         f"{name}: unknown parameter{hint and ', '}{hint}"

@@ -30,10 +30,6 @@ from .definition import KINDS, METRICS
 from .results import Mean, Result
 from .tasks import slug
 
-# The lag drawn over time, or the largest smaller one of the study.
-SHOWN_LAG = 5
-CONFIDENCE = 0.95
-
 
 def ospa_against_lag(results: Sequence[Result]) -> Figure:
     """Draw the mean OSPA of all targets against the lag, one line per variant."""
@@ -121,7 +117,9 @@ def draw_lags(
 
 def _shown_lags(result: Result) -> list[tuple[int, str]]:
     lags = result.scores.lags
-    later = [lag for lag in lags if 0 < lag <= SHOWN_LAG] or [lag for lag in lags if lag > 0]
+    # The lag drawn over time, or the largest smaller one of the study.
+    shown_lag = 5
+    later = [lag for lag in lags if 0 < lag <= shown_lag] or [lag for lag in lags if lag > 0]
     names = [(0, "filter")] if 0 in lags else []
     return names + ([(max(later), f"smoother, lag {max(later)}")] if later else [])
 
@@ -137,7 +135,8 @@ def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
     square = np.where(known, (runs - mean) ** 2, 0.0).sum(axis=0)
     several = np.maximum(count, 2)
     error = np.sqrt(square / (several - 1) / several)
-    width = special.stdtrit(several - 1, 0.5 + 0.5 * CONFIDENCE) * error
+    confidence = 0.95
+    width = special.stdtrit(several - 1, 0.5 + 0.5 * confidence) * error
     return mean, np.where(count > 1, width, 0.0)
 
 

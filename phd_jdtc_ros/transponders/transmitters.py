@@ -29,8 +29,6 @@ MOST = 10_000
 MOST_IN_A_SECOND = 10
 # An aircraft is well heard after this many messages, and until this time after the last.
 WELL_HEARD, WELL_HEARD_NS = 20, 60 * NS
-# Velocities and heights come in messages of their own, and count for this time.
-MOTION_NS = 5 * NS
 # The same position with the same time within this time is the same message, by another receiver;
 # without a time, within the shorter one.
 AGAIN_NS, AGAIN_UNTIMED_NS = 2 * NS, 3 * NS // 10
@@ -250,7 +248,9 @@ def _complete(one: Transmitter, heard: Heard) -> Heard:
     """Return a position with what other messages of its transmitter have said."""
     found = heard._replace(name=one.name.known or "", type=one.type.known or 0, hull=one.hull.known)
     motion = one.motion
-    if motion is None or one.now_ns - one.motion_ns > MOTION_NS:
+    # Velocities and heights come in messages of their own, and count for this time.
+    motion_ns = 5 * NS
+    if motion is None or one.now_ns - one.motion_ns > motion_ns:
         return found
     if math.isnan(found.speed):
         found = found._replace(speed=motion.speed, course=motion.course)

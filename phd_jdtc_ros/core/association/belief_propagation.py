@@ -15,14 +15,14 @@ from ..compilation import Float1, Int1, compiled, inner
 ITERATIONS = 200
 # Bound on edges times iterations; it keeps a graph of millions of edges within seconds.
 MOST_WORK = 1 << 25
-LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
 
 
 @inner
 def rounds(edges: int) -> int:
     """Return the largest number of iterations for a number of edges."""
-    return min(ITERATIONS, max(MOST_WORK // max(edges, 1), LEAST_ITERATIONS))
+    least_iterations = 10
+    return min(ITERATIONS, max(MOST_WORK // max(edges, 1), least_iterations))
 
 
 @compiled

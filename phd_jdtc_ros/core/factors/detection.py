@@ -66,8 +66,6 @@ MOST_FACTOR = 1e4
 # Number of expected detections, of the sensor and of a sector, after which detections are compared
 # with the learned value.
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
-# Targets with a smaller detection probability count as outside the coverage.
-LEAST_EXPECTED = 0.01
 
 
 def _of_both(of_sensor: float, of_sector: float) -> FloatArray:
@@ -84,8 +82,6 @@ CHANGES = frozen(
         known=_of_both(SETTLED, SETTLED_SECTOR),
     )
 )
-# Trials with a smaller open share are dropped.
-LEAST_OPEN = 1e-3
 # Largest number of expected detections of one trial: a small learned factor can bring the
 # configured probability above 1.
 MOST_EXPECTED = 100.0
@@ -132,7 +128,9 @@ class OpenTrials(ReadOnly):
 
         before = Trials(self.label, self.cell, self.expected, self.detected, self.open_share)
         own = frozen(ReportTrials(*trials))
-        trials_left, counted = count_trials(LEAST_OPEN, cells, before, own)
+        # Trials with a smaller open share are dropped.
+        least_open = 1e-3
+        trials_left, counted = count_trials(least_open, cells, before, own)
         return self.changed(**trials_left._asdict()), frozen(counted)
 
 
@@ -192,7 +190,9 @@ class Detection(Factor):
         if self.clutter_speed > 0.0:
             clutter = look.resting(self.clutter_speed)
         is_known = existence * (1.0 - clutter) >= KNOWN_EXISTENCE
-        is_known &= look.probability > LEAST_EXPECTED
+        # Targets with a smaller detection probability count as outside the coverage.
+        least_expected = 0.01
+        is_known &= look.probability > least_expected
         cell = self.cell(look.view.sensor.visibility.place(targets.measured_by_target))
         expected = np.where(is_known, look.probability / self.by_cell[cell], 0.0)
         return self._after_trials(look, cell, expected)

@@ -24,8 +24,6 @@ MAX_CANDIDATES = 1 << 22
 MAX_DETECTIONS = 1 << 16
 # Largest number of detections that nothing explains.
 MAX_UNEXPLAINED = 1 << 12
-# Number of standard deviations of a Poisson number by which a report may have more than expected.
-EXPLAINED_SIGMA = 5.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,10 @@ def limit_detections(report: View, predicted: FloatArray, mass: FloatArray) -> V
     # as the whole revolution.
     revolution_share = report.part_of_revolution or 1.0
     targets = float(mass.sum())
-    explained = targets + report.clutter_rate * revolution_share + EXPLAINED_SIGMA * np.sqrt(size)
+    # Number of standard deviations of a Poisson number by which a report may have more than
+    # expected.
+    explained_sigma = 5.0
+    explained = targets + report.clutter_rate * revolution_share + explained_sigma * np.sqrt(size)
     most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED
     if size <= most and len(predicted) * size <= MAX_CANDIDATES:
         return report

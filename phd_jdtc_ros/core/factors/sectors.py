@@ -24,8 +24,6 @@ SAME_PASS = 0.5
 WIDEST = SAME_PASS * FULL_TURN
 # Largest gap or overlap of adjoining sectors, radians; edges may be estimates.
 MAX_GAP = 0.02
-# Detections of a lower probability are not remembered.
-LEAST_DETECTED = 1e-3
 # Smallest probability that earlier sectors have not detected a target.
 LEAST_UNSEEN = 1e-3
 
@@ -78,8 +76,10 @@ class AntennaPass(NamedTuple):
 
         coverage = self.stamp_ns, self.start, self.width
         targets = self.label, self.unseen, self.seen_ns
+        # Detections of a lower probability are not remembered.
+        least_detected = 1e-3
         return AntennaPass(
-            *coverage, *add_detections(self.stamp_ns, LEAST_DETECTED, *targets, label, detected)
+            *coverage, *add_detections(self.stamp_ns, least_detected, *targets, label, detected)
         )
 
 

@@ -27,8 +27,6 @@ from .transponder.records import AttributeModel
 from .transponder.transponders import Transponders
 
 PriorT = TypeVar("PriorT", bound="Prior")
-# Number of values of single targets below which those of targets that have ended are kept.
-FEW_ENTRIES = 256
 LOOKS = "recent_looks"  # Name of the looks in snapshots
 
 
@@ -170,7 +168,9 @@ class Factors(ReadOnly):
 
         `labels` has the labels of the living targets, in any number of arrays.
         """
-        if self._entries <= 2 * self.entries_kept + FEW_ENTRIES:
+        # Number of values of single targets below which those of targets that have ended are kept.
+        few_entries = 256
+        if self._entries <= 2 * self.entries_kept + few_entries:
             return self
         living = np.unique(np.concatenate(list(labels)))
         kept = self.changed(

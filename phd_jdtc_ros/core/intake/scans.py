@@ -30,8 +30,6 @@ MISSES_UNTIL_SILENT = 2
 # Share of its interval by which a radar's report may be early or late, and by which longer
 # intervals change the estimate, so that missed reports hardly do.
 IRREGULAR, FORGETTING = 0.05, 0.1
-# Share of a radar's interval by which others' stamps may be later than one that it is due at.
-HARDLY = 0.1
 # Largest number of self-reports that wait; more than a minute of any receiver.
 MOST_WAITING = 200_000
 # Reasons for which self-reports are not used.
@@ -201,7 +199,10 @@ class ScanGrouper:
             heard = self._heard[radar]
             if heard is None or interval_ns is None or heard >= stamp_ns:
                 continue
-            if newest_ns - stamp_ns <= HARDLY * interval_ns and self._is_due(radar, stamp_ns):
+            # Share of a radar's interval by which others' stamps may be later than one that it is
+            # due at.
+            hardly = 0.1
+            if newest_ns - stamp_ns <= hardly * interval_ns and self._is_due(radar, stamp_ns):
                 return True
         return False
 

@@ -13,7 +13,6 @@ from ..types import Estimates
 from . import resampling
 from .particles import Particles
 
-CLUSTER_SAMPLES = 2000
 # Number of particles as which the process noise of one interval counts in a target's covariance.
 # Later scans leave weight on few particles, whose sample covariance is too small, or zero for one.
 PRIOR_PARTICLES = 2.0
@@ -85,7 +84,8 @@ def clusters(
         targets = round(float(weight.sum()))
         if targets == 0:
             continue
-        drawn = member[resampling.draw(weight, CLUSTER_SAMPLES, rng)]
+        cluster_samples = 2000
+        drawn = member[resampling.draw(weight, cluster_samples, rng)]
         scale = particles.state[drawn].std(axis=0)
         whitened = particles.state[drawn] / np.where(scale > 0.0, scale, 1.0)
         # The seed is an integer because scipy renamed the argument that takes a generator.

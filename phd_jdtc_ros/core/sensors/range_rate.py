@@ -15,11 +15,6 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..types import Detections
 
-# Standard deviations of the innovation beyond which a fold is ignored.
-FOLD_SIGMA = 6.0
-# Largest number of folds to either side: beyond it the density is almost uniform.
-MAX_FOLDS = 8
-
 
 @dataclass(frozen=True)
 class RangeRateModel:
@@ -51,7 +46,9 @@ class RangeRateModel:
         """
         if not self.ambiguity:
             return np.zeros(1)
-        count = int(min(np.floor(reach / self.ambiguity + 0.5), MAX_FOLDS))
+        # Largest number of folds to either side: beyond it the density is almost uniform.
+        max_folds = 8
+        count = int(min(np.floor(reach / self.ambiguity + 0.5), max_folds))
         numbers = np.arange(-count, count + 1, dtype=np.float64)
         return self.ambiguity * numbers[np.argsort(np.abs(numbers), kind="stable")]
 
@@ -70,7 +67,9 @@ class RangeRateModel:
         """
         nearest = self.wrap(error)
         widest = float(np.sqrt(np.max(variance, initial=0.0)))
-        shifts = self.folds(FOLD_SIGMA * widest)
+        # Standard deviations of the innovation beyond which a fold is ignored.
+        fold_sigma = 6.0
+        shifts = self.folds(fold_sigma * widest)
         log_norm = -0.5 * np.log(2.0 * np.pi * np.asarray(variance))
         if len(shifts) == 1:
             spread = np.zeros_like(nearest)

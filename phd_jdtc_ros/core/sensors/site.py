@@ -183,11 +183,6 @@ class Site:
 MAX_HEIGHT = 30e3
 # Smallest slant range, metres: the elevation is undefined at the radar itself.
 MIN_SLANT_RANGE = 1e-3
-# Largest sine of the elevation at an assumed height: 30 degrees.
-MAX_ASSUMED_SINE = 0.5
-# Largest number of iterations of the inverse projection; each leaves less than a third of the
-# error.
-MOST_ITERATIONS = 25
 
 
 class Ground(NamedTuple):
@@ -252,7 +247,9 @@ def assumed_height(site: Site, assumed: float | None, distance: FloatArray) -> F
     site_height = site.geodetic[2]
     if assumed is None:
         return np.full(len(distance), site_height)
-    most = MAX_ASSUMED_SINE * distance
+    # Largest sine of the elevation at an assumed height: 30 degrees.
+    max_assumed_sine = 0.5
+    most = max_assumed_sine * distance
     limited: FloatArray = site_height + np.clip(assumed - site_height, -most, most)
     return limited
 
@@ -266,7 +263,10 @@ def to_slant(
     same surface as the site's height; NaN if they were unknown.
     """
     has_height, slant = np.isfinite(height), distance
-    for _ in range(MOST_ITERATIONS):
+    # Largest number of iterations of the inverse projection; each leaves less than a third of the
+    # error.
+    most_iterations = 25
+    for _ in range(most_iterations):
         # The assumed height depends on the slant range itself.
         used_height = np.where(has_height, height, assumed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, used_height)

@@ -24,10 +24,6 @@ from .sensor import Sensor
 
 # Rounding error of the sum of the probabilities of adjoining sectors.
 ROUNDING = 1e-12
-# Smallest distance of folds, in standard deviations of the noise, with which the noise of range
-# rates can be learned. `evidence_of` uses innovations whose standard deviation is at most twice the
-# noise's, so that the nearest fold is the true one up to three such deviations.
-LEAST_FOLDS_APART = 12.0
 
 
 class AmplitudeLaw(Protocol):
@@ -290,7 +286,12 @@ class View(ReadOnly):
         if (rise := self.detections.rise) is not None:
             usable &= np.nan_to_num(rise) == 0.0
         if model.ambiguity:
-            usable &= model.ambiguity >= LEAST_FOLDS_APART * rates.std
+            # Smallest distance of folds, in standard deviations of the noise, with which the noise
+            # of range rates can be learned. `evidence_of` uses innovations whose standard deviation
+            # is at most twice the noise's, so that the nearest fold is the true one up to three
+            # such deviations.
+            least_folds_apart = 12.0
+            usable &= model.ambiguity >= least_folds_apart * rates.std
         return np.where(usable, rates.std, np.nan)
 
     @cached_property

@@ -25,10 +25,6 @@ FARTHEST = 8.0
 # Component of a measurement in space, and the smallest standard deviation of an expected one,
 # radians.
 ELEVATION, LEAST_ELEVATION_STD = 2, 1e-6
-# Smallest probability of the range limits by which an expected value is divided.
-LEAST_INSIDE = 1e-9
-# Lower bound of the share of the uniform clutter by which counts of it are divided.
-LEAST_CLUTTER_SHARE = 0.01
 
 
 def sector_probability(
@@ -209,7 +205,9 @@ class Visibility(FieldOfView):
         mean = (level[:-1] + slope * offset[:, :-1]) * share
         mean -= slope * std[:, None] * (density[:, 1:] - density[:, :-1])
         inside, total = share.sum(axis=1), mean.sum(axis=1)
-        is_inside = inside > LEAST_INSIDE
+        # Smallest probability of the range limits by which an expected value is divided.
+        least_inside = 1e-9
+        is_inside = inside > least_inside
         if is_inside.all():
             expected: FloatArray = total / inside
             return expected
@@ -321,7 +319,9 @@ class Visibility(FieldOfView):
         far = 1.0 - self.min_range / self.clutter_range
         arcs = (self.fov,) if self._arcs is None else self._arcs
         clear = sum(arc.width for arc in arcs) / self.fov.width if self.blind else 1.0
-        return max(far * clear, LEAST_CLUTTER_SHARE)
+        # Lower bound of the share of the uniform clutter by which counts of it are divided.
+        least_clutter_share = 0.01
+        return max(far * clear, least_clutter_share)
 
     def clutter_of_revolution(self, rate: float) -> float:
         """Return the uniform clutter of a revolution, scaled up from the field of view; above 0."""

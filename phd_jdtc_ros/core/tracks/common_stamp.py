@@ -23,8 +23,6 @@ OMEGA, VZ = SPATIAL.turn_rate, SPATIAL.vertical[1]
 MOVING = tuple(zip(SPATIAL.place, SPATIAL.motion, strict=True))
 # Step of the numerical Jacobian along the axes of position and velocity.
 STEP = 1e-2
-# Step along the axis of the turn rate.
-TURN_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,9 @@ def _predicted(state: Float2, arc: Float2) -> tuple[FloatArray, FloatArray]:
     for row in range(count):
         _move(arc[row], state[row], later[row])
         for axis in range(size):
-            step = TURN_STEP if axis == OMEGA else STEP
+            # Step along the axis of the turn rate.
+            turn_step = 1e-6
+            step = turn_step if axis == OMEGA else STEP
             for side in range(2):
                 for i in range(size):
                     shifted[i] = state[row, i]

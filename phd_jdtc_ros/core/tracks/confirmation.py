@@ -144,18 +144,8 @@ class PastStates:
         return PastStates(at, latest_ns)
 
 
-# A target that a scan misses with a larger probability than this counts as not covered: neither as
-# missed nor as detected.
-MAX_MISS_PROBABILITY = 0.98
 # Intervals or revolutions without coverage after which a track is coasting.
 PATIENCE = 1.5
-# Largest probability of being stationary, with clutter maps, with which a track is confirmed. The
-# probability is one half if nothing is known.
-MAX_STATIONARY_TO_CONFIRM = 0.85
-# Largest probability of being stationary with which a confirmed track stays confirmed.
-MAX_STATIONARY_CONFIRMED = 0.9
-# Scans less than this share of a revolution apart may belong to the same pass of the antenna.
-SAME_REVOLUTION = 0.5
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -226,7 +216,12 @@ def _next_state(
     else:
         least = rule.hidden[class_id] if is_stale and not look.covered else delete
         reported = corrected >= least and estimated >= min(MIN_EXISTENCE, delete)
-    bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
+    # Largest probability of being stationary, with clutter maps, with which a track is confirmed.
+    # The probability is one half if nothing is known.
+    max_stationary_to_confirm = 0.85
+    # Largest probability of being stationary with which a confirmed track stays confirmed.
+    max_stationary_confirmed = 0.9
+    bound = max_stationary_to_confirm if tentative else max_stationary_confirmed
     recent = look.is_detected or look.covered or look.since_ns <= durations.coasting
     if not (reported and recent and stationary <= bound):
         return TENTATIVE
@@ -310,7 +305,10 @@ def _next_records(
         if has_record:
             detected_ns, previous_state = before.detected_ns[record], before.state[record]
             expected, missed = before.expected[record], before.missed[record]
-            factor, covered = before.factor[record], missing < MAX_MISS_PROBABILITY
+            # A target that a scan misses with a larger probability than this counts as not covered:
+            # neither as missed nor as detected.
+            max_miss_probability = 0.98
+            factor, covered = before.factor[record], missing < max_miss_probability
             covered = covered and not blurred[row]
             intervals = (stamp_ns - before.stamp_ns[record]) / durations.interval
             survival = rule.survival[class_id] ** intervals
@@ -403,9 +401,12 @@ class TrackStates:
         """Continue the records; return the state of each estimate, and whether it is reported."""
         rule, modes = self.rule, model.modes
         revolutions_s = [radar.rotation_s for radar in model.radars if radar.rotation_s]
+        # Scans less than this share of a revolution apart may belong to the same pass of the
+        # antenna.
+        same_revolution = 0.5
         durations = _Durations(
             interval=1e9 * modes.interval_s,
-            same_revolution=1e9 * SAME_REVOLUTION * min(revolutions_s, default=0.0),
+            same_revolution=1e9 * same_revolution * min(revolutions_s, default=0.0),
             patience=1e9 * PATIENCE * max([modes.interval_s, *revolutions_s]),
             coasting=1e9 * rule.coasting_s,
         )

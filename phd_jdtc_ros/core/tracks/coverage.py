@@ -13,9 +13,6 @@ from ..targets import stationary
 from ..targets.amplitude_density import of_classes
 from ..types import Estimates, Scan
 
-# Share of a density that is covered at least where its target counts as covered.
-LEAST_COVERED = 0.5
-
 
 def missed_and_spread(
     estimates: Estimates, scan: Scan, model: TrackerModel, views: Sequence[View]
@@ -46,7 +43,9 @@ def missed_and_spread(
         covered = sensor.visibility.coverage_probability(
             measured, report.coverage, sensor.noise_std, std
         )
-        missed *= 1.0 - np.where(covered < LEAST_COVERED, 0.0, covered) * detected
+        # Share of a density that is covered at least where its target counts as covered.
+        least_covered = 0.5
+        missed *= 1.0 - np.where(covered < least_covered, 0.0, covered) * detected
     return missed, spread
 
 

@@ -33,7 +33,6 @@ MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
 # Parameters that are estimated as `tune` does it, from a recording with at least so many tracks.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
 OVER_RANGE = ("clutter_density", "clutter_density_range")
-MIN_TRACKS = 10
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
 
@@ -112,7 +111,8 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
                 f"the profile {PROFILE} are for a long-range radar and may not fit"
                 + ("" if own is None else "; tune proposes others")
             )
-        if own is None or own.tracks < MIN_TRACKS:
+        min_tracks = 10
+        if own is None or own.tracks < min_tracks:
             proposed.hints.append(
                 f"{radar}: its noise cannot be estimated from {len(plots or ())} plots in "
                 f"{0 if own is None else own.tracks} tracks; that of the profile {PROFILE} is used"

@@ -33,8 +33,6 @@ HIGHEST_DB = 80.0
 # Width of these cells, dB.
 CELL_DB = 0.5
 CELLS = round((HIGHEST_DB - LOWEST_DB) / CELL_DB)
-# Width of the kernel with which a detection counts for neighbouring levels, dB.
-KERNEL_DB = 0.4
 # Weight of the prior, which is noise, as a number of detections.
 PRIOR_NOISE = 20.0
 # Share of the law that is uniform over all levels.
@@ -159,7 +157,9 @@ def _cells(threshold: float) -> _Cells:
     tail = np.exp(least - np.maximum(10.0 ** (edges / 10.0), least))
     tail[0], tail[-1] = 1.0, 0.0
     prior, uniform = PRIOR_NOISE * (tail[:-1] - tail[1:]), width / (HIGHEST_DB - LOWEST_DB)
-    share = np.exp(-0.5 * ((centre[:, None] - centre) / KERNEL_DB) ** 2) * width
+    # Width of the kernel with which a detection counts for neighbouring levels, dB.
+    kernel_db = 0.4
+    share = np.exp(-0.5 * ((centre[:, None] - centre) / kernel_db) ** 2) * width
     reported = 10.0 ** (centre / 10.0) >= least
     share *= reported[:, None] == reported
     kernel = share / share.sum(axis=1, keepdims=True)

@@ -24,8 +24,6 @@ OF_TYPE = np.array(
         [True, False, True],
     ]
 )
-# Smallest association probability with which a detection updates a target's times.
-MIN_PROBABILITY = 0.5
 
 
 def never(targets: int) -> IntArray:
@@ -67,7 +65,9 @@ def update(
     `target` and `column` have the target and the detection of each edge, and `probability` that of
     the edge, given that its target exists, (E,).
     """
-    sure = np.flatnonzero(probability >= MIN_PROBABILITY)
+    # Smallest association probability with which a detection updates a target's times.
+    min_probability = 0.5
+    sure = np.flatnonzero(probability >= min_probability)
     sensors = sensors_of(detections)[column[sure]]
     edge, sensor = np.nonzero(sensors)
     times = times_of(detections, stamp_ns)[column[sure]][edge]

@@ -16,9 +16,6 @@ from ...types import UNKNOWN, Detections
 from . import detection_times, height, identity
 from .records import AttributeModel, AttributeRecords, Beliefs
 
-# Smallest total association probability with which a target's beliefs are updated.
-MIN_TOTAL_PROBABILITY = 1e-12
-
 
 class BeliefUpdate(NamedTuple):
     """Likelihoods of the edges' detections; None for an attribute that no detection reports."""
@@ -127,7 +124,9 @@ class Evidence:
             stamp_ns=stamp_ns,
         )
         records = AttributeRecords.of(self.before.label, stamp_ns, beliefs, seen_ns)
-        updated = np.flatnonzero(total > MIN_TOTAL_PROBABILITY)
+        # Smallest total association probability with which a target's beliefs are updated.
+        min_total_probability = 1e-12
+        updated = np.flatnonzero(total > min_total_probability)
         return records.take(updated), self.before.label[restarted]
 
 

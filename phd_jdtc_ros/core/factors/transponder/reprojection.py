@@ -21,9 +21,6 @@ from .height import HeightModel, Heights, HeightUpdate, compare
 
 # Smallest probability of a height that is used to project plots.
 MIN_KNOWN = 0.5
-# A widened gate has a standard deviation larger by the shift of the plot over this number, so that
-# the shifted plot is well inside the gate.
-WIDENING = 3.0
 
 
 def pair(
@@ -91,7 +88,10 @@ class _Plots(NamedTuple):
         widened = std.copy()
         for height in (heights.min(), heights.max()):
             shift = self.at(columns, np.full(len(columns), height)) - plots.measurement
-            widened[:, 0] = np.maximum(widened[:, 0], std[:, 0] + np.abs(shift[:, 0]) / WIDENING)
+            # A widened gate has a standard deviation larger by the shift of the plot over this
+            # number, so that the shifted plot is well inside the gate.
+            widening = 3.0
+            widened[:, 0] = np.maximum(widened[:, 0], std[:, 0] + np.abs(shift[:, 0]) / widening)
         return replace(plots, noise_std=widened)
 
     def project(self, edge: IntArray) -> Detections:

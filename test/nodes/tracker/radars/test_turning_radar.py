@@ -77,7 +77,9 @@ def clouds(config, per_revolution, clutter=CLUTTER):
             measurement = np.stack([distance[inside], azimuth[inside]], axis=1)
             found = Detections(measurement, None, time_s[inside] - end_s)
             if radar.fields.sector:
-                found = replace(found, coverage=coverage_of(part, radar.sectors, radar.units.compass))
+                found = replace(
+                    found, coverage=coverage_of(part, radar.sectors, radar.units.compass)
+                )
             stamp_ns = START_NS + round(end_s * 1e9)
             sent.append(detections.to_msg(found, stamp_ns, radar.frame, radar))
     return sent
