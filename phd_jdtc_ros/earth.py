@@ -49,7 +49,7 @@ class SystemPlane:
                 "longitude in degrees and a height in metres, all finite"
             )
         object.__setattr__(self, "origin", origin)
-        import pyproj  # imported on demand, because only trackers with a geodetic map need it
+        import pyproj  # Only trackers with a geodetic map need it
 
         projection = pyproj.Proj(
             proj="sterea", lat_0=origin[0], lon_0=origin[1], ellps="WGS84", units="m"

@@ -89,7 +89,7 @@ def mutate(name, part):
     with (place / "pyproject.toml").open("a") as file:
         file.write(configuration(part))
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1"}
-    environment.pop("PYTHONPATH", None)  # which could lead to the original modules
+    environment.pop("PYTHONPATH", None)  # They could lead to the original modules
     command = [sys.executable, "-m", "mutmut"]
     with (place / "mutmut.log").open("w") as log:
         run = subprocess.Popen(

@@ -107,7 +107,7 @@ def live_groups(arguments):
 
 def others(arguments):
     """Return the arguments of each pytest of what is not live, by its name."""
-    if arguments:  # which may name files of both halves
+    if arguments:  # They may name files of both halves
         return {"all that is not live": arguments}
     return {
         "not live, the core, calibration and the Monte Carlo study": HALF,
@@ -160,7 +160,7 @@ def main(arguments):
                 print(report(running[run], status, text), flush=True)
                 found += counts(status, text)
                 failed |= status not in (0, NOTHING)
-        except KeyboardInterrupt:  # those that run have been told too
+        except KeyboardInterrupt:  # Those that run have been told too
             pool.shutdown(wait=False, cancel_futures=True)
             failed = True
     print(summary(found, time.monotonic() - begin))

@@ -21,7 +21,7 @@ def read_stages():
     found, name = {}, ""
     for line in filter(None, map(str.strip, lines)):
         instruction, _, rest = line.partition(" ")
-        if not name and instruction == "ARG":  # of the base image's name
+        if not name and instruction == "ARG":  # A part of the base image's name
             continue
         if instruction == "FROM":
             name = rest.split(" AS ")[1]

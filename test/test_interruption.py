@@ -36,4 +36,4 @@ def test_error_of_a_step_ends_it_as_without_a_signal():
     with pytest.raises(ValueError, match="fault"), interruption.accepted(), interruption.step():
         raise ValueError("fault")
     with interruption.accepted(), interruption.step():
-        pass  # nothing is left to wait for
+        pass  # Nothing is left to wait for

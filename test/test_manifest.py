@@ -13,13 +13,13 @@ KEYS = {
     "libasterix": None,
     "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
-    "numba": None,  # there is one, for a package that Ubuntu 24.04 does not have
+    "numba": None,  # There is one, for a package that Ubuntu 24.04 does not have
     "plotly": None,
     "pyyaml": "python3-yaml",
-    "rosbags": None,  # for the tests alone, and a pip key keeps a package out of an apt release
+    "rosbags": None,  # Only tests need it, and a pip key keeps a package out of an apt release
     "sapient_msg": None,
     "sapient_msg_pydantic": None,
-    "setuptools": None,  # every Python build of colcon has it
+    "setuptools": None,  # Every Python build of colcon has it
     "zstandard": "mcap-ros2-support",
 }
 # Name of the module of a Python package, where it is another.

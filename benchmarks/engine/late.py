@@ -47,7 +47,7 @@ def measure(quick: bool) -> dict[str, Any]:
         READY: (working, reports),
         **{name: (working, delayed(reports, by)) for name, by in LATE_BY.items()},
     }
-    list(_steps(working, reports[:QUICK]))  # fills caches
+    list(_steps(working, reports[:QUICK]))  # Fills caches
     memory = {
         name: peak_bytes(partial(list, _steps(config, reports[:QUICK]))) / 1e6
         for name, config in ((NOT_READY, dropping), (READY, working))
@@ -80,7 +80,7 @@ def _steps(config: TrackerConfig, reports: Sequence[Report]) -> Iterator[tuple[f
         events = pipeline.add(radar, stamp_ns, found)
         if isinstance(events, Rejection):
             raise RuntimeError(f"a report at {stamp_ns} ns was not used: {events.value}")
-        stepped = sum(isinstance(event, Stepped) for event in events) > 0  # all of them
+        stepped = sum(isinstance(event, Stepped) for event in events) > 0  # All of them
         taken = 1e3 * (time.process_time() - begin)
         if stepped:
             yield taken, waiting

@@ -56,7 +56,7 @@ def measure(quick: bool) -> dict[str, Any]:
     messages.environment()
     revolutions = QUICK_REVOLUTIONS if quick else REVOLUTIONS
     config = traffic.configuration(CHANGES)
-    new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
+    new_engine(config)  # Compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + revolutions, config, 0, AIRCRAFT)
     reports = simulate_reports(scene, config.radars, seed=0)
     found: dict[str, Any] = {}
@@ -160,7 +160,7 @@ class _Site:
         end = 0.0 if found.coverage is None else 0.5 * math.pi - found.coverage.start
         crossing = plots_out.service_block(NUMBER, stamp_ns, end, self._rotation_s)
         for block in (*plots_out.plot_blocks(plots), crossing):
-            with contextlib.suppress(ConnectionRefusedError):  # the bridge is not there yet
+            with contextlib.suppress(ConnectionRefusedError):  # The bridge is not there yet
                 self._out.send(block)
 
     def answered(self, report: SimulatedReport, timeout_s: float) -> bool:

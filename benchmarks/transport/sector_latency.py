@@ -39,7 +39,7 @@ def measure(revolutions: int) -> dict[str, Any]:
     """
     messages.environment()
     config = traffic.configuration(traffic.AT_EVERY_SECTOR)
-    new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
+    new_engine(config)  # Compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + revolutions, config, seed=0)
     reports = simulate_reports(scene, config.radars, seed=0)
     settling = traffic.SETTLING * traffic.SECTORS

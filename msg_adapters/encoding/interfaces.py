@@ -84,5 +84,5 @@ def decode(data: bytes, type_name: str) -> Any:
     """
     try:
         return deserialize_message(data, message_class(type_name))
-    except Exception as error:  # the middleware raises several types for foreign bytes
+    except Exception as error:  # The middleware raises several types for foreign bytes
         raise RejectedMessageError("schema", f"not a {type_name}: {error}") from error

@@ -65,7 +65,7 @@ def pose_from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[in
         )
     twist = _twist(message) if has_twist else None
     height = float(pose.position.z)
-    height = height if abs(height) <= FARTHEST else 0.0  # also for NaN
+    height = height if abs(height) <= FARTHEST else 0.0  # This holds for NaN too
     yaw, tilt = _attitude(pose.orientation)
     return stamp_ns, Pose(position, yaw, twist=twist, height=height, tilt=tilt)
 
@@ -120,7 +120,7 @@ def _attitude(turn: Quaternion) -> tuple[float, tuple[float, float]]:
     """Return the yaw and the tilt of a pose; the yaw is NaN for an invalid quaternion."""
     # `hypot` avoids the squares of large finite numbers, which overflow with an error.
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
-    if not LEAST_NORM <= norm <= LARGEST_NORM:  # also true for NaN
+    if not LEAST_NORM <= norm <= LARGEST_NORM:  # It is true for NaN too
         return math.nan, LEVEL
     return attitude((turn.x, turn.y, turn.z, turn.w))[:2]
 

@@ -75,7 +75,7 @@ def learn_call_signs_from_cdr(data: bytes, call_signs: CallSigns) -> None:
         return
     try:
         learn_call_signs(interfaces.decode(data, names.CLOUD), call_signs)
-    except RejectedMessageError:  # its fault is reported where its detections are read
+    except RejectedMessageError:  # Its fault is reported where its detections are read
         return
 
 

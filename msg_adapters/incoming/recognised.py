@@ -82,7 +82,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
         return _of_positions(full)
     found.setdefault("fields.amplitude", "")
     if "fields.elevation" in found and not _has_elevations(full, found["fields.elevation"]):
-        del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
+        del found["fields.elevation"]  # All elevations are zero, so ranges are ground ranges
     if "fields.elevation" in found:
         found.update(_elevations(full, found["fields.elevation"]))
     found.update(_azimuths(full, found["fields.azimuth"]))

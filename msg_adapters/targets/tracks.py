@@ -136,7 +136,7 @@ def pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
     to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
     yaw_variance = float(to_pose[5] @ covariance @ to_pose[5])
-    if not 0.0 < yaw_variance <= largest_yaw_variance:  # the direction is undetermined
+    if not 0.0 < yaw_variance <= largest_yaw_variance:  # The direction is undetermined
         to_pose[5] = 0.0
     propagated: FloatArray = to_pose @ covariance @ to_pose.T
     if not to_pose[5].any():

@@ -257,6 +257,6 @@ def _for_tables(given: Mapping[str, Any]) -> dict[str, Any]:
 def _fields(kind: str, columns: Collection[str]) -> dict[str, str]:
     """Return the field parameters of a sensor of a kind for the recognised columns."""
     names = {what: what for what in RECOGNISED[kind] if what in columns}
-    if "kind" in columns:  # as in the clouds of ASTERIX plots
+    if "kind" in columns:  # The clouds of ASTERIX plots have that name too
         names.setdefault("detection_type", "kind")
     return {f"fields.{what}": column for what, column in names.items()}

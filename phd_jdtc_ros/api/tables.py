@@ -105,7 +105,7 @@ def _column_of(values: Any) -> Column:
 
 
 def _names(table: Table) -> list[Any] | None:
-    found = getattr(table, "columns", None)  # data frames
+    found = getattr(table, "columns", None)  # Data frames
     if found is None and isinstance(table, Mapping):
         found = table.keys()
     return None if found is None else list(found)

@@ -155,13 +155,13 @@ class Assembler:
         step_s = min(LARGEST_PART * (self.revolution_s or LONGEST_REVOLUTION_S), LONGEST_STEP_S)
         end_ns = self._phase_ns + round(step_s * 1e9)
         outside: list[tuple[int, int, Plot]] = []
-        if self._slicer.latest_ns > end_ns:  # the crossings have ended
+        if self._slicer.latest_ns > end_ns:  # The crossings have ended
             outside = [entry for entry in self._pending if entry[1] > end_ns]
             self._pending = [entry for entry in self._pending if entry[1] <= end_ns]
         if self._pending:
             self._pass_pending(end_ns)
             sectors += self._close_all()
-            for _, own_ns, plot in self._pending:  # ahead of the antenna, by wrong azimuths
+            for _, own_ns, plot in self._pending:  # Wrong azimuths put it ahead of the antenna
                 sectors[-1].times_ns.append(own_ns)
                 sectors[-1].plots.append(plot)
             self._pending.clear()

@@ -72,7 +72,7 @@ class RadarClock:
             return self._first_errors is None
         self._first_errors = self._first_errors or []
         if not _has_time(message):
-            return not self._first_errors  # it is dated by its receipt
+            return not self._first_errors  # It is dated by its receipt
         error_ns = received_ns - self._nearest(message, received_ns)
         self._first_errors.append(error_ns)
         return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= self.FIRST_MESSAGES

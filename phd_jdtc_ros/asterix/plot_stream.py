@@ -127,7 +127,7 @@ class BlockReader:
             self.counts[fault] += 1
             self._faults.setdefault(size, Counter())[fault] += 1
             if self.trailers[size] >= TRAILERS:
-                self.counts -= self._faults.pop(size)  # those rests were trailers
+                self.counts -= self._faults.pop(size)  # Those rests were trailers
 
 
 # Time for which positions are collected to a cloud.

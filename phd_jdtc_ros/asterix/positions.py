@@ -48,7 +48,7 @@ def read_ads_b(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     fault = _fault(first & 0x02, second & 0x10, at010, max(at130, at131))
     if fault:
         return fault
-    if third & 0x0E:  # the station itself has refused the position: CPR, LDPJ, RCF
+    if third & 0x0E:  # The station itself has refused the position: CPR, LDPJ, RCF
         return "position_check"
     navigation, accuracy = _octets(data, at090, 2)
     # The first octet has the accuracy (NUCp) of the oldest transponders, and a limit of all others.

@@ -259,7 +259,7 @@ def _surface(data: bytes, items: Items) -> Message | str:
     """
     at000, at010, at020, at040, at060, at090, at140, at220, *others = items
     if at000 >= 0 and data[at000] != 1:
-        return ""  # an update cycle begins, or the sensor's state
+        return ""  # An update cycle begins, or the sensor's state
     if at040 < 0 and max(others[3], others[4]) >= 0:
         return positions.read_surface(data, tuple(others))
     first, second = _descriptor(data, at020)

@@ -267,7 +267,7 @@ def _status(track: TrackReport, source: Source) -> bytes:
     """
     first = 0x80 * source.monosensor | 0x02 * (not track.confirmed)
     if (source.geometric or track.geometric) and math.isfinite(track.height):
-        first |= 0x20 | 2 << 2  # the geometric height is more reliable; the source is plots
+        first |= 0x20 | 2 << 2  # The geometric height is more reliable; the source is plots
     second = 0x40 * track.last | 0x20 * track.first
     fourth = 0x80 * track.coasting | 0x40 * track.alone | 0x08 * track.unheard
     if not (second or fourth):

@@ -47,7 +47,7 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
         return list(breakup_chunk(Chunk("", plain, 0, 0, 0, len(plain))))
     except DamageError:
         raise
-    except Exception as error:  # damaged records raise many types of exception
+    except Exception as error:  # Damaged records raise many types of exception
         raise DamageError(f"a chunk cannot be read: {error}") from error
 
 

@@ -109,7 +109,7 @@ class PartReading:
 # Upper bound of messages, bytes, that wait for earlier messages from later in the file. Recorders
 # write messages as they arrive, so only few wait.
 MAX_WAITING = 2**27
-_MESSAGE_COST = 2**8  # bytes of a waiting message in addition to its data
+_MESSAGE_COST = 2**8  # Bytes of a waiting message in addition to its data
 
 
 @dataclass(frozen=True)

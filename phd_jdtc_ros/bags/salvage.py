@@ -76,7 +76,7 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
         found, parts, is_enough = _read_summary(summary + tail)
     except DamageError:
         raise
-    except Exception as error:  # damaged records raise many types of exception
+    except Exception as error:  # Damaged records raise many types of exception
         raise DamageError("its summary cannot be read") from error
     if not is_enough:
         return _walked(stream, start, found.expected)
@@ -314,7 +314,7 @@ def _add_definition(stream: BinaryIO, position: int, length: int, found: Index) 
     kind = Channel if data[0] == Opcode.CHANNEL else Schema
     try:
         record: Channel | Schema = kind.read(source)
-    except Exception as error:  # damaged records raise many types of exception
+    except Exception as error:  # Damaged records raise many types of exception
         raise DamageError(f"a definition cannot be read: {error}") from error
     found.define(record)
     if isinstance(record, Channel):

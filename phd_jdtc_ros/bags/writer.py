@@ -136,7 +136,7 @@ class BagWriter:
                     text = yaml.safe_dump(self._metadata(), sort_keys=False)
                     (self._directory / METADATA).write_text(text)
             finally:
-                with contextlib.suppress(OSError):  # the first failure has been reported
+                with contextlib.suppress(OSError):  # The first failure has been reported
                     self._stream.close()
 
     @contextlib.contextmanager

@@ -227,7 +227,7 @@ def squares_of_differences(paths: FloatArray, slope: FloatArray) -> FloatArray:
     """
     apart = paths[:, :, None, 0] - paths[:, None, :, 0]
     apart[:, range(PLOTS), range(PLOTS)] = 1.0
-    weight = 1.0 / apart.prod(axis=2)  # of divided differences, for any times
+    weight = 1.0 / apart.prod(axis=2)  # Divided differences, for any times
     difference = (weight[:, :, None] * paths[:, :, 1:3]).sum(axis=1)
     flat = (weight[:, :, None] ** 2 * paths[:, :, 3:6]).sum(axis=1)
     covariance = flat[:, [[0, 1], [1, 2]]]

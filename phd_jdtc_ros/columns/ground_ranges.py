@@ -91,7 +91,7 @@ def _flat(
     known = np.isfinite(height)
     given = np.where(known, height, antenna)
     above = np.clip(given, -2.0 * MAX_HEIGHT, 2.0 * MAX_HEIGHT) - antenna
-    with np.errstate(over="ignore"):  # an absurd range becomes infinite and is then dropped
+    with np.errstate(over="ignore"):  # An absurd range becomes infinite and is then dropped
         square = distance**2 - above**2
     possible = (square >= 0.0) & (np.abs(given) <= MAX_HEIGHT)
     side = np.copysign(np.sqrt(np.maximum(square, 0.0)), distance)

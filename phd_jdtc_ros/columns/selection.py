@@ -368,7 +368,7 @@ def linear_amplitude(raw: FloatArray, sensor: RadarParameters | PositionParamete
 
     An envelope a has the SNR a^2 / 2.
     """
-    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
+    with np.errstate(over="ignore"):  # An absurd level becomes infinite and is then dropped
         if sensor.units.in_db:
             from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + sensor.amplitude_offset_db) / 10.0))
             return from_db

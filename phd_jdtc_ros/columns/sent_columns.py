@@ -142,7 +142,7 @@ def level(detections: Detections, radar: RadarParameters | PositionParameters) -
     if detections.amplitude is None:
         raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
     if radar.units.in_db:
-        with np.errstate(divide="ignore"):  # an envelope of zero is -inf dB
+        with np.errstate(divide="ignore"):  # An envelope of zero is -inf dB
             snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
         level: FloatArray = snr_db - radar.amplitude_offset_db
         return level

@@ -67,7 +67,7 @@ def _name(feature: Any, index: int) -> str:
 
 def _zone(feature: Any, index: int, plane: Plane) -> Zone:
     """Return a feature as a zone; raise `ValueError` with its fault, or another error."""
-    from shapely import Polygon, is_valid, is_valid_reason  # needed with zones only
+    from shapely import Polygon, is_valid, is_valid_reason  # Needed with zones only
 
     properties, geometry = feature["properties"] or {}, feature["geometry"]
     kind = properties.get("kind", KINDS[0])

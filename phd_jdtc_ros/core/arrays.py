@@ -129,7 +129,7 @@ def zeros_field(*shape: int, dtype: type = np.float64) -> Any:
 def wrap_angle(angle: FloatArray) -> FloatArray:
     """Return `angle` in radians wrapped to (-pi, pi], elementwise."""
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-    inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
+    inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # Rounding may reach -pi
     return inside
 
 

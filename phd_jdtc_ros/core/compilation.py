@@ -96,7 +96,7 @@ def compiled(function: FunctionT, *, counted: bool = True) -> FunctionT:
     with _without_collection(), _interruptible():
         try:
             done = numba.njit(signature, cache=True, **options)(function)
-        except RuntimeError:  # no writable cache directory
+        except RuntimeError:  # No writable cache directory
             NOT_STORED.append(function.__qualname__)
             done = numba.njit(signature, **options)(function)
     if not done.stats.cache_hits:

@@ -178,7 +178,7 @@ class Evaluator(RunnableNode):
         try:
             _require_replaceable(path)
             output_files.write(path, json.dumps(summary, indent=2) + "\n")
-        except OSError as error:  # the disk may have become full since the start
+        except OSError as error:  # The disk may have become full since the start
             self.get_logger().error(f"report not written: {path}: {error.strerror}")
             self.exit_status = FAILED
 

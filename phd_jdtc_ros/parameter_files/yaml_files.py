@@ -96,7 +96,7 @@ class _Loader(yaml.SafeLoader):
         first: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                continue  # such a key is refused when it is constructed
+                continue  # Such a key is refused when it is constructed
             if key.tag in _NOT_IN_KEYS:
                 key.tag = _PREFIX + "str"
             if key.value in first:

@@ -63,7 +63,7 @@ def fixes(
             state = TRACK_STATES[int(found.track_state[row])]
             level = str(geo_json.level(places.height[row]).get("flight_level", ""))
             if found.space.vertical:
-                level = ""  # of the pressure, which is not known in space
+                level = ""  # The pressure is not known in space
             words, number = (class_name, state, *names[row], level), int(found.track_id[row])
             reports = found.reports
             said = None if reports is None else reported.said_of(reports, row, found.stamp_ns)

@@ -57,7 +57,7 @@ class Antenna:
         """Return the part of a revolution from the y axis to azimuths, in [0, 1); same shape."""
         turned = np.pi / 2.0 - azimuth if self.clockwise else azimuth - np.pi / 2.0
         part: FloatArray = np.mod(turned / FULL_TURN, 1.0)
-        return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
+        return np.where(part < 1.0, part, 0.0)  # Rounding may reach 1
 
     def revolutions_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
         """Return the revolutions at times after scan 0, s, counted from the start of scan 0's.

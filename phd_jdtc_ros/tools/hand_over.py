@@ -52,7 +52,7 @@ def join(
 
 def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
     path = resources.bag(given)
-    BagReader(path)  # what is no bag has no parameters either
+    BagReader(path)  # What is no bag has no parameters either
     recorded = bag_parameters.read(path)
     if recorded is None:
         raise BagError(

@@ -205,7 +205,7 @@ def _work(arguments: argparse.Namespace) -> int:
     source = resources.bag(arguments.bag)
     recorded = command.recorded_parameters(source, arguments.params_file)
     if recorded is None:
-        BagReader(source)  # what is no bag has no parameters either
+        BagReader(source)  # What is no bag has no parameters either
         raise BagError(
             f"{source}: has no {bag_parameters.NAME} beside it with the positions of its "
             "radars: give a parameter file as --params"

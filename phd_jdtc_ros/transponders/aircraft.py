@@ -125,7 +125,7 @@ class ModeSReader:
             return None
         digits = frame.hex()
         found: Any = _decoder()(digits)
-        if found is None:  # its parity is wrong
+        if found is None:  # Its parity is wrong
             self.counts["malformed"] += 1
             return None
         own = kind == _SQUITTER or frame[0] & 7 in self._OF_ICAO
@@ -171,7 +171,7 @@ class ModeSReader:
         else:
             placed = self._airborne(aircraft, digits, found["parity"], place, now_ns)
         latitude, longitude = _known(placed, "latitude"), _known(placed, "longitude")
-        if math.isnan(latitude):  # the other frame has not come yet
+        if math.isnan(latitude):  # The other frame has not come yet
             return None
         aircraft.place, aircraft.place_ns = (latitude, longitude), now_ns
         std, accurate = aircraft.std

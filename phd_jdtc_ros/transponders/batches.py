@@ -103,7 +103,7 @@ def _hull(heard: Heard) -> tuple[float, float, float, float]:
         return (math.nan,) * 4
     bow, stern, port, starboard = heard.hull
     length, beam = float(bow + stern), float(port + starboard)
-    if not (bow or port):  # the antenna's place is unknown
+    if not (bow or port):  # The antenna's place is unknown
         return length, beam, math.nan, math.nan
     return length, beam, 0.5 * (stern - bow), 0.5 * (starboard - port)
 

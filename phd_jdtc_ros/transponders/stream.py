@@ -124,7 +124,7 @@ class Splitter:
             if data[end] == ESCAPE:
                 if end + 1 >= len(data):
                     return -1
-                if data[end + 1] != ESCAPE:  # the next frame begins
+                if data[end + 1] != ESCAPE:  # The next frame begins
                     self.counts["frame_broken"] += 1
                     return end
                 end += 1

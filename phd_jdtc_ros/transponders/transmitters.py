@@ -132,7 +132,7 @@ class Transmitters:
             # A time without a date is near the one before it; a whole one is as it is.
             near_ns = self.latest_ns if heard.own_ns < heard.period_ns else heard.own_ns
         if heard.own_ns == NONE:
-            if heard.period_ns:  # frames of Mode S never have one
+            if heard.period_ns:  # Frames of Mode S never have one
                 self.counts["no_time"] += 1
             return near_ns
         if received_ns is not None and self._stands(one, heard, received_ns):

@@ -83,7 +83,7 @@ _VLANS, _ERSPAN_2, _ERSPAN_3 = (0x8100, 0x88A8, 0x9100, 0x9200, 0x9300), 0x88BE,
 _COOKED, _COOKED_2, _HDLC, _ERF, _TZSP, _VXLAN, _LOOPBACK = range(-7, 0)
 # Link layers by their number in captures.
 _LINKS = {
-    **dict.fromkeys((12, 14, 101, 228, 229), _IPV4),  # either version of IP
+    **dict.fromkeys((12, 14, 101, 228, 229), _IPV4),  # Either version of IP
     **dict.fromkeys((0, 108), _LOOPBACK),
     **dict.fromkeys((9, 50), _PPP),
     **{1: _ETHERNET, 104: _HDLC, 113: _COOKED, 197: _ERF, 276: _COOKED_2},

@@ -46,7 +46,7 @@ def _lock(domain: int) -> int | None:
     path = Path(tempfile.gettempdir()) / f"phd_jdtc_ros_domain_{domain}.lock"
     try:
         lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    except PermissionError:  # the file is another user's
+    except PermissionError:  # The file is another user's
         return None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -84,7 +84,7 @@ def measures(
                 text, reached, details = measure(*args, **kwargs)
             except NotMeasurableError as error:
                 return Figure(name, words, None, None, str(error))
-            except Exception as error:  # of any kind, also a fault of the measurement itself
+            except Exception as error:  # It may be any, also a fault of the measurement itself
                 return Figure(name, words, f"failed: {type(error).__name__}: {error}", False)
             return Figure(name, words, text, reached, details=details)
 

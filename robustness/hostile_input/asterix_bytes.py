@@ -71,7 +71,7 @@ def _of_datagram(stream: PlotStream, data: bytes, index: int) -> str:
     try:
         found = stream.feed(data, 10**18 + index * NS // 8, f"10.0.0.{index % 3} to group")
         faults = [_fault(state.settings.sectors, report) for state, report in found]
-    except Exception as error:  # any exception would end a node
+    except Exception as error:  # Any exception would end a node
         return f"error: {type(error).__name__}: {error}"[:120]
     if any(faults):
         return "NaN"

@@ -149,7 +149,7 @@ def _wrong_lengths() -> Iterator[Damaged]:
     blocks, packets = _packets(0.0)
     whole, at = pcap.header() + b"".join(packets), FILE_HEADER
     for index, packet in enumerate(packets[:8]):
-        for bit in range(64):  # of the captured and of the original length
+        for bit in range(64):  # The captured and the original length
             data = bytearray(whole)
             data[at + 8 + bit // 8] ^= 1 << bit % 8
             intact = [*blocks[:index], *blocks[index + 1 :]]

@@ -109,7 +109,7 @@ def _known(stream: ReportStream) -> int:
 def _tried(stream: ReportStream, data: bytes, time_ns: int, source: str) -> list[str]:
     try:
         return feed(stream, data, time_ns, source)
-    except Exception as error:  # any would end a node
+    except Exception as error:  # Any would end a node
         return [f"{type(error).__name__}: {error}"[:120]]
 
 

@@ -173,7 +173,7 @@ def _outcome(cloud: PointCloud2, sensor: SensorParameters = RADAR) -> str:
         parts = polar.split(report.stamp_ns, found, report.sector) if sensor.may_turn else ()
     except RejectedMessageError as error:
         return f"rejected: {error.reason}"
-    except Exception as error:  # any other exception would end a node
+    except Exception as error:  # Any other exception would end a node
         return f"error: {type(error).__name__}: {error}"[:120]
     lost = isinstance(parts, Rejection) or sum(len(part) for _, part in parts) != len(found)
     if lost and sensor.may_turn:

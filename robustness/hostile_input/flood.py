@@ -50,7 +50,7 @@ class _Flood:
                 try:
                     sock.sendto(self._datagram, ("127.0.0.1", self._port))
                     self.sent += 1
-                except OSError:  # the receiver has ended
+                except OSError:  # The receiver has ended
                     time.sleep(0.01)
 
 

@@ -144,7 +144,7 @@ def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
     values = {
         f"{name} {value}": _put(name, value)
         for name, array in honest.arrays.items()
-        if name.startswith(link) and array.size  # few pairs of modes have factors
+        if name.startswith(link) and array.size  # Few pairs of modes have factors
         for value in ((-2, 10**6) if array.dtype.kind == "i" else (NAN, 1e250))
     }
     return {
@@ -257,7 +257,7 @@ def outcome(path: Path, config: TrackerConfig) -> str:
             for estimates in (*step.filtered, *step.smoothed):
                 if not (np.isfinite(estimates.state).all() and _covariances(estimates)):
                     return "not finite"
-    except Exception as error:  # any of them would end the node
+    except Exception as error:  # Any of them would end the node
         return f"{type(error).__name__}: {error}"[:120]
     if len(log.lines) != 1 or not log.lines[0].startswith("starting cold: "):
         return f"said {log.lines}"[:120]
@@ -274,7 +274,7 @@ def outcomes(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
-        child = os.fork()  # the forgeries are made elsewhere, because that takes memory
+        child = os.fork()  # The forgeries are made elsewhere, because that takes memory
         if not child:
             for index, (name, data) in enumerate(_forgeries(given)):
                 (Path(directory) / f"{index:03} {name}").write_bytes(data)

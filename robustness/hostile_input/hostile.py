@@ -182,7 +182,7 @@ def _forged_record_times() -> dict[str, str]:
         path.write_bytes(pcap.header() + b"".join(packets))
         try:
             done = bridge.convert(path, out, settings.resolve({}), None, ())
-        except Exception as error:  # any but an error of the recording would end with a traceback
+        except Exception as error:  # Any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
         clouds = sum(1 for _ in BagReader(out).messages([names.detections("radar_1_1")]))
     counted = done.stream.counts["receipt_time"]

@@ -76,7 +76,7 @@ def cable() -> Iterator[tuple[str, str]]:
             _ip("-n", space, "link", "set", "cable", "up")
         yield spaces
     finally:
-        for space in spaces:  # this also deletes the cable
+        for space in spaces:  # This also deletes the cable
             subprocess.run(["ip", "netns", "delete", space], capture_output=True, check=False)
 
 

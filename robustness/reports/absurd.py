@@ -95,7 +95,7 @@ def outcome(use: Callable[[], None]) -> str:
             use()
     except RejectedMessageError:
         pass
-    except Exception as error:  # any of them would end a node
+    except Exception as error:  # Any of them would end a node
         return f"{type(error).__name__}: {error}"[:200]
     return ""
 

@@ -190,7 +190,7 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
             if not tracker.alive:
                 exits.append(case.name)
                 found += _summary_counts(tracker.text)
-                tracker, _ = rig.tracking(*LIGHT)  # its counts start from zero
+                tracker, _ = rig.tracking(*LIGHT)  # Its counts start from zero
                 continue
             wanted[case.reason] += case.count
             lost += [] if answered else [case.name]
@@ -213,7 +213,7 @@ def _send(radars: Radars, case: BadScan, index: int) -> bool:
     """Send a case and then the valid scan of the same stamp; return whether that was answered."""
     stamp_ns = scans.stamp_of_scan(index)
     radars.outputs[0].publish(case.data(stamp_ns))
-    if case.kept:  # the faulty cloud is then the first radar's report of this scan
+    if case.kept:  # The faulty cloud is then the first radar's report of this scan
         radars.outputs[1].publish(scans.cloud(index, 1))
         return radars.wait_for({stamp_ns})
     return radars.track(index, timeout_s=REPLY_S)

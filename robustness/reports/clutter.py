@@ -10,7 +10,7 @@ from ..harness import scans
 from ..harness.figures import Found, measures
 from ..harness.rig import Rig
 
-FALSE_DETECTIONS = 1000  # per radar and scan, where 20 are expected
+FALSE_DETECTIONS = 1000  # Per radar and scan, where 20 are expected
 MOST_RATIO = 1.1
 # The burst is in the middle of the targets' lives.
 FIRST, SCANS = 24, 8

@@ -144,7 +144,7 @@ def outcome(case: Case) -> str:
         rest = chain(tracker.flush(), restored.flush())
         faults = (fault_of(estimates, LEAST_VARIANCE) for estimates in rest)
         return next(filter(None, faults), "")
-    except Exception as error:  # any of them would end the node
+    except Exception as error:  # Any of them would end the node
         return f"{type(error).__name__}: {error}"[:200]
 
 

@@ -108,7 +108,7 @@ def measure_load(turns: int = 12) -> Found:
     begin_s, found = 0.0, None
     for index, estimates in enumerate(_turns(_ships(500), turns, 0.25, 1e9)):
         found = estimates
-        if index == turns // 2 - 1:  # all ships are known, and all functions compiled
+        if index == turns // 2 - 1:  # All ships are known, and all functions compiled
             begin_s = time.process_time()
     used = (time.process_time() - begin_s) / ((turns - turns // 2) * TURN_S)
     told = None if found is None else found.reports

@@ -193,7 +193,7 @@ def measure() -> Found:
             fault = left.pop(0) if sector > WARM_UP * SECTORS and sector % 7 == 0 and left else None
             name = "valid" if fault is None else fault.name
             if sector == 12 * SECTORS:
-                antenna.next()  # it is not sent
+                antenna.next()  # It is not sent
                 wanted["clouds_missing"] += 1
             cloud = antenna.next(None if fault is None else fault.change)
             answered = send(radars, cloud)

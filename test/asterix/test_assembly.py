@@ -131,7 +131,7 @@ def test_lost_crossings_are_bridged_and_long_gaps_not_invented():
 
 def test_late_plots_go_with_the_next_sector_or_are_waited_for():
     events = crossings(0.0, 90.0)
-    events.insert(3, (23.0, plot(5.0)))  # when two more sectors have been passed
+    events.insert(3, (23.0, plot(5.0)))  # Two more sectors have been passed
     eager, patient = Assembler(32), Assembler(32, hold=2)
     assert [len(report.plots) for report in fed(eager, *events)][:3] == [0, 0, 1]
     assert eager.counts["late_plots"] == 1

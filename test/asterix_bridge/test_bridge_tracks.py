@@ -112,7 +112,7 @@ def test_deviations_have_the_noise_of_the_trackers_modes():
     given = {"cov_00": 900.0, "cov_22": 400.0, "cov_44": 1e-6, "p_class_0": 1.0}
     modes = resolve({"classes": ["one"]}).model.modes
     made, without, foreign = output(), output(), output()
-    made.modes, foreign.modes = modes, resolve({}).model.modes  # of two classes
+    made.modes, foreign.modes = modes, resolve({}).model.modes  # There are two classes
     for each in (made, without, foreign):
         each.update(cloud([given]))
     before, after = without.reports(T0 + 6 * NS)[0], made.reports(T0 + 6 * NS)[0]

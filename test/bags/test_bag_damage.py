@@ -26,7 +26,7 @@ def hidden(source, data, original, file):
     if error is not None and "\n" in str(error):
         return f"more than a line: {error}"
     rest = iter(original)
-    if not all(entry in rest for entry in found):  # an ordered part of what was recorded
+    if not all(entry in rest for entry in found):  # An ordered part of what was recorded
         return "other messages than recorded"
     if error is None and len(found) < len(original):
         return f"only {len(found)} of {len(original)} messages and no error"
@@ -50,7 +50,7 @@ def index_offsets(file):
     """Return the offsets of the bytes of a summary's records that are no schemas."""
     data = file.read_bytes()
     end = len(data) - 8
-    position = int.from_bytes(data[end - 20 : end - 12], "little")  # the footer's summary_start
+    position = int.from_bytes(data[end - 20 : end - 12], "little")  # The footer's summary_start
     offsets = []
     while position < end:
         size = 9 + int.from_bytes(data[position + 1 : position + 9], "little")

@@ -16,7 +16,7 @@ from phd_jdtc_ros.bags import salvage
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from robustness.hostile_input.bags import outcome
 
-HEAD = 31  # of a message: opcode, length, channel, sequence, two times
+HEAD = 31  # A message has opcode, length, channel, sequence, two times
 LENGTH = slice(1, 9)
 TRIALS = 150
 
@@ -38,7 +38,7 @@ def recorded(file, entries, **options):
     options = options or {"use_chunking": False, "enable_crcs": False}
     with file.open("wb") as stream:
         writer, channels = started(stream, **options)
-        writer.add_metadata("rosbag2", {"serialized_metadata": "version: 9"})  # as rosbag2 does
+        writer.add_metadata("rosbag2", {"serialized_metadata": "version: 9"})  # So does rosbag2
         for topic, message, log_time in entries:
             data = message if isinstance(message, bytes) else interfaces.encode(message)
             writer.add_message(channels[topic], log_time, data, log_time)
@@ -100,8 +100,8 @@ def test_reader_without_chunks_yields_by_log_time(messages, tmp_path, monkeypatc
 def test_reader_refuses_more_disorder_than_its_memory_holds(tmp_path, monkeypatch):
     entries = [(RADAR, bytes(500), STAMP_NS + index) for index in range(12)]
     in_order = [BagMessage(RADAR, time, data) for _, data, time in entries]
-    monkeypatch.setattr(salvage, "RUN_SIZE", 1100)  # two messages
-    monkeypatch.setattr(bag_module, "MAX_WAITING", 3500)  # four messages
+    monkeypatch.setattr(salvage, "RUN_SIZE", 1100)  # Two messages
+    monkeypatch.setattr(bag_module, "MAX_WAITING", 3500)  # Four messages
     for name, order in {
         "sorted": entries,
         "one late": [*entries[1:], entries[0]],
@@ -222,7 +222,7 @@ def test_reader_without_a_summary_leaves_out_a_channel_it_cannot_read(file, mess
 
 def test_reader_without_a_summary_reads_behind_a_false_length(file, messages, tmp_path):
     data = file.read_bytes()[: places(file)[-1][0]]
-    last = data.index(MARKERS.encode()) - 4 - 2 - 2 - 9  # the channel's record
+    last = data.index(MARKERS.encode()) - 4 - 2 - 2 - 9  # The channel's record
     assert data[last] == Opcode.CHANNEL
     found, error = read(flipped(data, last + 1, 0x80), tmp_path / "damaged.mcap")
     assert found == messages[:-1]

@@ -117,7 +117,7 @@ def test_writer_puts_type_hash_and_qos_into_the_channels(bag):
         assert yaml.safe_load(channel.metadata["offered_qos_profiles"]) == topic.offered_qos
         assert (schema.name, schema.encoding) == (topic.type_name, "ros2msg")
         assert schema.data.decode() == interfaces.definition(topic.type_name)
-    assert len(summary.schemas) == 3  # one a type, not one a topic
+    assert len(summary.schemas) == 3  # One a type, not one a topic
 
 
 @pytest.mark.parametrize("kind", ["directory", "file"])

@@ -139,7 +139,7 @@ def test_a_finished_file_without_a_summary_is_whole(bag, tmp_path, use_chunking,
         for entry in messages:
             writer.add_message(channels[entry.topic], entry.log_time_ns, entry.data, 0)
         writer.finish()
-    assert int.from_bytes(file.read_bytes()[-28:-20], "little") == 0  # where a summary would be
+    assert int.from_bytes(file.read_bytes()[-28:-20], "little") == 0  # A summary would be there
     assert outcome(file) == (messages, None)
     data = file.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2] + data[-37:])

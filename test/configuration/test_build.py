@@ -300,7 +300,7 @@ def test_grouper_and_engine_carry_the_configuration():
 )
 def test_resolve_refuses_what_the_paper_does_not_have(given, fault, engine):
     assert faults_of({"engine": engine, **given}) == [f"{fault} with engine {engine}"]
-    assert reference.resolve(given).inputs  # the default engine has it
+    assert reference.resolve(given).inputs  # The default engine has it
 
 
 def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():

@@ -16,7 +16,7 @@ def test_values_are_read_only_and_sums_are_by_index():
     with pytest.raises(ValueError, match="read-only"):
         view[0] = 1.0
     original[0] = 1.0
-    assert view[0] == 1.0  # no copy
+    assert view[0] == 1.0  # No copy
     detections = Detections(np.zeros((2, 2)), np.zeros(2))
     assert len(detections) == 2
     for array in (detections.measurement, detections.amplitude):

@@ -152,7 +152,7 @@ def names_of(path):
 
 
 def test_code_that_the_method_names_exists():
-    modules = {}  # both engines have modules of the same names
+    modules = {}  # Both engines have modules of the same names
     for path in (ROOT / "phd_jdtc_ros" / "core").rglob("*.py"):
         modules.setdefault(path.stem, []).append(path)
     text = (ROOT / "docs" / "method.md").read_text()

@@ -192,7 +192,7 @@ def places(bag, config, index):
     return np.concatenate(found)
 
 
-@pytest.mark.live  # so that it shares the recording with those above
+@pytest.mark.live  # It shares the recording with those above
 @pytest.mark.parametrize("index", [0, 1])
 def test_detections_on_the_round_earth_go_to_asterix_and_back(recorded, offline, index):
     config = from_arguments.config_of(bag_parameters.read(recorded))

@@ -186,7 +186,7 @@ def children(pid):
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             state, parent = path.read_text().rpartition(")")[2].split()[:2]
-        except OSError:  # it has just ended
+        except OSError:  # It has just ended
             continue
         if int(parent) == pid and state != "Z":
             found.append(int(path.parent.name))

@@ -89,7 +89,7 @@ def test_detections_in_space_are_of_the_true_heights_with_the_noise_of_the_radar
     dome = config.model.radars[0]
     for truth, scan, (sources, _) in simulate_with_sources(scenario, 3):
         found = scan.detections[0]
-        assert 2 not in sources  # it is above the field of view
+        assert 2 not in sources  # It is above the field of view
         state = np.zeros((1, len(SPATIAL)))
         state[0, :5], state[0, 5:] = truth.state[0], truth.height[0]
         for row in np.flatnonzero(sources == 1):

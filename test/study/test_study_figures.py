@@ -76,7 +76,7 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path):
     ids=["one run of one scan", "filter alone without targets"],
 )
 def test_write_all_draws_results_that_lack_something(tmp_path, results, monkeypatch):
-    for module in (style, figures):  # with fewer pixels, which take less time
+    for module in (style, figures):  # Fewer pixels take less time
         monkeypatch.setattr(module, "DPI", 20)
     assert names(write_all(results, tmp_path)) == {"ospa_against_lag"} | OVER_TIME
 

@@ -37,7 +37,7 @@ def start(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["phd_jdtc_ros", *arguments])
         try:
             status = package.main()
-        except SystemExit as end:  # of argparse
+        except SystemExit as end:  # Argparse says so
             status = end.code
         return status, *capsys.readouterr()
 
@@ -93,7 +93,7 @@ def test_help_of_an_offline_executable_names_its_arguments(start, name):
     assert out.startswith(f"usage: {name} ")
     assert "--out" in out
     assert "NAME:=VALUE" in out
-    assert "`" not in out  # names of modules are for those who read the code
+    assert "`" not in out  # Names of modules are for those who read the code
 
 
 def test_an_executable_passes_its_status_on(tmp_path):

@@ -132,7 +132,7 @@ def test_register_reports_what_is_wrong_and_allowed(
 ):
     try:
         status = register(bag, "--params", changed(**changes), *arguments)
-    except SystemExit as stopped:  # of argparse
+    except SystemExit as stopped:  # Argparse says so
         status = stopped.code
     assert status == 2
     said = capsys.readouterr().err

@@ -94,7 +94,7 @@ class RegistrationMonitor:
         """Compare a scan's detections with the tracks before it, and store the tracks after it."""
         tracks = self._tracks
         if any(radar.space.vertical for radar in self._radars):
-            return  # biases are those of ranges and azimuths in the plane
+            return  # Biases are those of ranges and azimuths in the plane
         if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._max_age_ns:
             for index, detections in enumerate(scan.detections):
                 if detections is not None and len(detections) and len(tracks):

@@ -146,7 +146,7 @@ class Findings:
     @property
     def false_share(self) -> float:
         """The share of the plots that belong to no track."""
-        land = self.resting if self.slow_speed else 0.0  # which the clutter rate leaves out
+        land = self.resting if self.slow_speed else 0.0  # The clutter rate leaves it out
         return land + self.clutter.count / self.plots
 
     @property

@@ -352,7 +352,7 @@ def elevations(plots: Plots, tracks: Tracks) -> Elevations | None:
         time_s = plots.time_s[window]
         apart = time_s[:, :, None] - time_s[:, None, :]
         apart[:, range(difference), range(difference)] = 1.0
-        with np.errstate(divide="ignore", invalid="ignore"):  # plots of the same time
+        with np.errstate(divide="ignore", invalid="ignore"):  # Plots of the same time
             weight = 1.0 / apart.prod(axis=2)
             weight /= np.sqrt((weight**2).sum(axis=1, keepdims=True))
         squares.append((weight * plots.elevation[window]).sum(axis=1) ** 2)

@@ -136,7 +136,7 @@ class PlotRevolutions:
         """Add a plot's azimuth, radians, and its time."""
         time_s = time_ns * 1e-9
         # Limit on plots per step; no radar has more in that time.
-        if len(self._waiting) < 1000:  # bounds the memory in a flood of plots
+        if len(self._waiting) < 1000:  # Bounds the memory in a flood of plots
             self._waiting.append((time_s, azimuth))
         past_s = time_s - self._waiting[0][0]
         if len(self._waiting) >= PLOTS and abs(past_s) >= PERIOD_S:

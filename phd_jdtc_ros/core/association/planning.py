@@ -187,7 +187,7 @@ def plan(graph: Writeable[Graph], most_work: int) -> Plan:
                     score[neighbour] += 1
                     ordered += 1
             edges_left[opener] = 0
-            table_size[step] = 1 << min(width, 40)  # exceeds all limits
+            table_size[step] = 1 << min(width, 40)  # Exceeds all limits
             entries += table_size[step]
             budget -= (ordered - edge_start[step]) * table_size[step]
             if budget < 0 or entries > MOST_ENTRIES:

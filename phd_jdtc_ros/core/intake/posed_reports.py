@@ -37,7 +37,7 @@ def _from_plane(detections: Detections, pose: Pose, poses: Sequence[Pose]) -> De
     north = y + distance * toward[:, 1] - pose.position[1]
     angle = wrap_angle(np.arctan2(north, east) - pose.yaw)
     rate = detections.range_rate
-    if rate is not None:  # relative to the radar's velocity at the stamp
+    if rate is not None:  # Relative to the radar's velocity at the stamp
         change = np.array([each.velocity for each in poses]) - pose.velocity
         rate = rate + (change * toward).sum(axis=1)
     measurement = np.stack([np.hypot(east, north), angle], axis=1)

@@ -54,7 +54,7 @@ class RevolutionHistory:
             return slices
         if self.kept and self.revolutions.state is not before:
             if self._records and stamp_ns < self._records[-1].stamp_ns:
-                self._records.clear()  # of another run
+                self._records.clear()  # It is of another run
             self._records.append(_Record(stamp_ns, detections, sector, before, slices))
         return slices
 

@@ -150,7 +150,7 @@ def _groups(known: IntArray, pairs: IntArray, rates: Rates | None) -> IntArray:
         first, second = pairs.T
         rate_difference = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
         unlike = rate_difference > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
-        pairs = pairs[~unlike]  # an unknown range rate agrees with all
+        pairs = pairs[~unlike]  # An unknown range rate agrees with all
     size = len(known)
     neighbours: list[list[int]] = [[] for _ in range(size)]
     for detection, neighbour in pairs.tolist():
@@ -215,6 +215,6 @@ def _mean_rate(group: IntArray, rates: Rates | None, count: int) -> FloatArray |
         return None
     rows = np.flatnonzero(np.isfinite(rates.rate))[::-1]
     first_rate = np.full(count, np.nan)
-    first_rate[group[rows]] = rates.rate[rows]  # the first known rate
+    first_rate[group[rows]] = rates.rate[rows]  # The first known rate
     offset = rates.model.wrap(rates.rate - first_rate[group])
     return rates.model.wrap(first_rate + _mean(group, offset, count))

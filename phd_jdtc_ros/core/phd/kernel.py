@@ -117,7 +117,7 @@ def thin(pairs: Pairs, weight: FloatArray) -> Pairs:
     rows a pair is hit in proportion to its share.
     """
     row, column, value = pairs
-    if not (row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]).any():  # mostly no row is long
+    if not (row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]).any():  # Mostly no row is long
         return pairs
     first = run_starts(row)
     count = np.diff(np.append(first, len(row)))

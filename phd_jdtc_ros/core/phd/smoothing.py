@@ -58,6 +58,6 @@ def backward_step(
     data = particles.by_entry(death) * death_term(*masses).take(parts.indices)
     data += particles.by_entry(backward)
     data *= parts.data
-    components = copy.copy(parts)  # the pattern is shared
+    components = copy.copy(parts)  # The pattern is shared
     components.data = data
     return replace(particles, poisson=particles.poisson * (backward + death), components=components)

@@ -66,6 +66,6 @@ NO_BIAS = SensorBias()
 def _with_measurement(
     detections: Detections, distance: FloatArray, azimuth: FloatArray
 ) -> Detections:
-    others = detections.measurement[:, 2:]  # an elevation has no bias
+    others = detections.measurement[:, 2:]  # An elevation has no bias
     measurement = np.column_stack([distance, azimuth, others])
     return replace(detections, measurement=measurement)

@@ -59,7 +59,7 @@ def full_name(node: Node, topic: str, parameter: str, given: str | None = None) 
     """
     try:
         name: str = node.resolve_topic_name(topic)
-    except RuntimeError as error:  # the type of rcl's own error is private
+    except RuntimeError as error:  # The type of rcl's own error is private
         what = "topic" if given is None else "node"
         value = topic if given is None else given
         raise ConfigError(f"{parameter}: {value!r} given, must be a {what}'s name") from error

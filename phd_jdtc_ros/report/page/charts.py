@@ -358,7 +358,7 @@ def height_lines(record: Record) -> list[HeightLine]:
             strict=True,
         )
         for track, class_id, (x, y), height in columns:
-            if not track:  # without a label
+            if not track:  # It has no label
                 continue
             rows.setdefault(track, []).append((found.stamp_ns, class_id, x, y, height))
     return [*_height_lines(rows)]

@@ -174,7 +174,7 @@ def _classes(classes: Iterable[Mapping[str, str]]) -> str:
     )
 
 
-NO_VALUE = "\N{EN DASH}"  # cell of a missing value
+NO_VALUE = "\N{EN DASH}"  # Cell of a missing value
 
 # The table shows the localisation part of OSPA only, not of GOSPA.
 DISTANCES = (*GROUPS[OSPA], *(m for m in GROUPS[GOSPA] if m.key != "gospa_localization"))

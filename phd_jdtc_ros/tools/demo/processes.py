@@ -162,7 +162,7 @@ def run(
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in [*(radar.topic for radar in config.inputs), *config.radars_by_platform]
     }
-    if config.known_plane is not None:  # for viewers with a map of the earth
+    if config.known_plane is not None:  # Viewers with a map of the earth need it
         given["outputs"] = f"[{', '.join([*node.Node().outputs, 'navsat'])}]"
     with Processes(logs) as nodes:
         parameters = logs / PARAMETERS

@@ -139,7 +139,7 @@ def test_ends_of_tracks_are_those_of_targets_that_disappear():
     for _ in range(120):
         dies = rng.random(20) < death
         died += int(dies.sum())
-        age = np.where(dies, -8, age + 1)  # eight looks later the next one comes
+        age = np.where(dies, -8, age + 1)  # Eight looks later the next one comes
         seen = np.flatnonzero((age >= 0) & (rng.random(20) < 0.9))
         place = np.stack([2e3 + 1e3 * seen + 3.0 * age[seen], np.full(len(seen), 0.5)], axis=1)
         clouds.append(place + rng.standard_normal(place.shape) * [20.0, 0.01])

@@ -235,7 +235,7 @@ def test_areas_of_dense_clutter_are_mapped_and_spoil_no_noise(standing):
     assert "clutter_map_speed" not in [row.name for row in proposal.rows(found, given, "radar")]
 
     dense = crowded(plots, np.arange(len(plots)))
-    assert np.isin(drops, dense).mean() > 0.8  # the edge of the rain is in cells of few drops
+    assert np.isin(drops, dense).mean() > 0.8  # The edge of the rain is in cells of few drops
     moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
     assert not len(crowded(moving, np.arange(len(plots))))
 
@@ -263,7 +263,7 @@ def rows_and_remarks(plots, given):
 def test_many_echoes_at_rest_that_are_often_missed_are_mapped():
     found, rows, said = rows_and_remarks(scene_at_rest(60, 0.6, 1), {})
     assert rows["clutter_map"] is True
-    assert "clutter_map_speed" not in rows  # the ships are much faster than the default
+    assert "clutter_map_speed" not in rows  # The ships are much faster than the default
     assert found.clutter.value < 3.0
     assert len(said) == 1
     assert "targets slower than 2.5 m/s are not reported" in said[0]
@@ -294,7 +294,7 @@ def test_what_may_be_targets_at_rest_is_not_mapped(count, probability):
     found, rows, said = rows_and_remarks(scene_at_rest(count, probability, 3), {})
     assert not {"clutter_map", "clutter_map_speed"} & {*rows}
     assert found.tracks >= 0.95 * (4 + count)
-    assert found.speed_std > 3.0  # of the ships that move
+    assert found.speed_std > 3.0  # The ships that move
     assert len(said) == 1
     assert "may be of targets at rest, which are tracked" in said[0]
     assert "set mast.clutter_map to true" in said[0]

@@ -83,7 +83,7 @@ def test_plan_closes_every_node_once_and_has_a_bit_for_each_open_one(seed):
     assert found.node_start[-1] == len(found.node)
     clusters = graph(banded(np.random.default_rng(seed), 12, 3, np.ones))[0]
     found = plan(clusters, AMPLE)
-    opened = []  # by their bits
+    opened = []  # They are told by their bits
     for step, passed in enumerate(found.passed):
         size = 1 << len(opened)
         assert found.table_before[step] == size
@@ -242,7 +242,7 @@ def test_node_prices_bound_every_edge_near_the_heaviest_matching(seed):
     assert (price >= 0.0).all()
     excess = log_odds - price[clusters.target] - price[clusters.detection]
     assert excess.max() < 1e-10
-    gain = np.log(np.maximum(odds, 1.0))  # nobody takes a pair that weighs less than none
+    gain = np.log(np.maximum(odds, 1.0))  # Nobody takes a pair that weighs less than none
     heaviest = gain[linear_sum_assignment(gain, maximize=True)].sum()
     count = len(clusters.middle)
     assert heaviest - 1e-6 <= price.sum() <= heaviest + count * SLACK

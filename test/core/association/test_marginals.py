@@ -148,7 +148,7 @@ def test_marginals_of_clusters_of_all_sizes_are_those_of_each_alone():
     for odds, (t, z) in zip(tables, ends, strict=False):
         both[t : t + odds.shape[0], z : z + odds.shape[1]] = odds
     clutter = rng.uniform(0.1, 2.0, len(both.T))
-    mixed = rng.permutation(len(both))  # neighbours in a cluster need not be neighbours in number
+    mixed = rng.permutation(len(both))  # Neighbours in a cluster need not be neighbours in number
     edge, none = np.empty_like(both), np.empty(len(both))
     edge[mixed], none[mixed] = dense_marginals(both[mixed], clutter)
     for odds, (t, z) in zip(tables, ends, strict=False):

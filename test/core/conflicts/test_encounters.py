@@ -114,9 +114,9 @@ def test_own_ship_stands_on_and_comes_first():
 @pytest.mark.parametrize(
     ("line", "velocity", "course", "ahead", "starboard"),
     [
-        ((1000.0, 1000.0), (-1.0, -1.5), (1.0, 0.0), 1, 1),  # across the bow, from port
-        ((1000.0, 1000.0), (-1.5, -1.0), (1.0, 0.0), -1, -1),  # astern, stays to port
-        ((1000.0, -1000.0), (-1.0, 1.5), (1.0, 0.0), 1, -1),  # across the bow, from starboard
+        ((1000.0, 1000.0), (-1.0, -1.5), (1.0, 0.0), 1, 1),  # Across the bow, from port
+        ((1000.0, 1000.0), (-1.5, -1.0), (1.0, 0.0), -1, -1),  # Astern, stays to port
+        ((1000.0, -1000.0), (-1.0, 1.5), (1.0, 0.0), 1, -1),  # Across the bow, from starboard
     ],
 )
 def test_closest_approach_is_signed_as_seen_from_the_first(

@@ -19,7 +19,7 @@ CLUTTER = {
     "detection_births.rates": [0.1],
     **TWO_MOTIONS,
 }
-PLACE = np.array([500.0, -300.0])  # of the radar
+PLACE = np.array([500.0, -300.0])  # Of the radar
 
 
 def sound(found):

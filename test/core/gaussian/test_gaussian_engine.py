@@ -189,7 +189,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions,
             covariance[OMEGA, OMEGA] = time_constant_s / 2.0 * motion.turn_noise_density
         before = textbook.Normal(mixture.mean[0, mode], covariance)
         predicted, gain = textbook.predict(before, motion, 6.0)
-        gain *= dynamics.supported[mode][:, None]  # the rate is no part of the state before
+        gain *= dynamics.supported[mode][:, None]  # The rate is no part of the state before
         scale = np.sqrt(np.maximum(np.diag(before.covariance), 1e-12))
         np.testing.assert_allclose(moves.mean[at], predicted.mean, atol=1e-12)
         np.testing.assert_allclose(
@@ -204,7 +204,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
     dynamics = dynamics_of({"spawn.rate": 0.02})
     parents = mixture_of(dynamics, [(0.9, MEAN, STD), (1e-6, MEAN, STD)])
     found = spawn([AgedMixture(parents, 6.0)], dynamics, 3, 1e-4)
-    assert len(found) == 1  # of the second one, next to nothing could be spawned
+    assert len(found) == 1  # Of the second one, next to nothing could be spawned
     assert found.sums.existence[0] == pytest.approx(0.9 * 0.02)
     assert found.row_label[0] == track_numbers.first_predicted(3) + len(dynamics.model.births)
     np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)

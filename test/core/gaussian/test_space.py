@@ -153,9 +153,9 @@ def test_predicted_states_climb_and_keep_their_covariances_apart():
 @pytest.mark.parametrize(
     ("start", "velocity"),
     [
-        ([470.0, -300.0, 180.0], [2.0, 0.0, 0.0]),  # over the antenna
-        ([3e3, 0.0, -400.0], [10.0, 0.0, 0.0]),  # below the floor of the prior
-        ([500.0, -299.0, 31.0], [0.0, 0.3, 0.1]),  # beside the antenna
+        ([470.0, -300.0, 180.0], [2.0, 0.0, 0.0]),  # Over the antenna
+        ([3e3, 0.0, -400.0], [10.0, 0.0, 0.0]),  # Below the floor of the prior
+        ([500.0, -299.0, 31.0], [0.0, 0.3, 0.1]),  # Beside the antenna
     ],
     ids=["overhead", "below the floor", "at the antenna"],
 )

@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.types import Detections, Scan
 EVEN = 6.0 * np.arange(1, 15)
 UNEVEN = np.cumsum([6.0, 0.4, 11.0, 6.0, 25.0, 3.0, 3.0, 1e-3, 60.0, 6.0, 5.0, 7.0])
 LAG = 5
-NONE_AT = 4  # the scan without a detection
+NONE_AT = 4  # The scan without a detection
 OTHER = {
     "radar.position": [-4e3, 9e3],
     "radar.yaw_deg": -110.0,
@@ -161,7 +161,7 @@ def test_two_motions_are_interacting_multiple_models(seconds, timed):
         steps.append(textbook.imm(steps[-1], modes.motions, modes.transition(dt), dt, given))
         previous = second
     del steps[0]
-    assert 0.02 < steps[-1].probability[0] < 0.98  # both modes matter
+    assert 0.02 < steps[-1].probability[0] < 0.98  # Both modes matter
     for found, step in zip(filtered, steps, strict=True):
         close(found, expected_of((step.probability, step.modes)))
     for index, found in enumerate(smoothed):

@@ -29,7 +29,7 @@ class Run:
     """A pipeline and what came out of it, by stamp."""
 
     def __init__(self, config):
-        self.given = []  # handed over before the smoothing
+        self.given = []  # Handed over before the smoothing
         self.pipeline = new_pipeline(config, on_filtered=self.given.extend)
         self.filtered, self.smoothed, self.stepped, self.refused = [], [], [], []
         self.radars = len(config.inputs)

@@ -69,7 +69,7 @@ def test_update_leaves_unclaimed_detections_as_newborn_if_there_are_such_births(
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
     (found,) = newborns_of(unknown(), report)
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
-    assert found.mass[0, 0] > 0.99  # of the stronger class
+    assert found.mass[0, 0] > 0.99  # The stronger class
     assert found.mass[1:].sum() < 0.05
     report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
     assert newborns_of(MODEL, report) == ()

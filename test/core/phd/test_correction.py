@@ -19,7 +19,7 @@ MODEL = small().model
 MODES = MODEL.modes
 # Much clutter, so that the origin of detections of low amplitude is uncertain.
 RADARS = tuple(replace(radar, clutter_rate=200.0) for radar in MODEL.radars)
-RADAR = RADARS[1]  # at the world's origin
+RADAR = RADARS[1]  # At the world's origin
 
 
 def update(phd, detections, radar, modes):
@@ -56,7 +56,7 @@ def dense_update(phd, detections, radar, modes):
         missed[n] = 1.0 - p_d[c]
         low, high = (1.0 + snr for snr in modes.classes[c].snr_band)
         g = np.exp(-(a**2) / (2 * high)) - np.exp(-(a**2) / (2 * low))
-        g = 2.0 * g / (a * np.log(high / low)) / p_d[c]  # given that it exceeds the threshold
+        g = 2.0 * g / (a * np.log(high / low)) / p_d[c]  # Given that it exceeds the threshold
         turn = np.exp(1j * (detections.measurement[:, 1] - np.arctan2(north, east) + radar.yaw))
         likelihood = (
             norm.pdf(detections.measurement[:, 0], distance, radar.range_std)
@@ -76,8 +76,8 @@ def test_update_equals_a_dense_evaluation(radar):
     np.testing.assert_allclose(updated.poisson, poisson, rtol=1e-12)
     # The gate at six sigma leaves out likelihoods below exp(-18) of their peak.
     assert np.abs(updated.components.toarray() - components).max() < 1e-8
-    assert 0.05 < share[:3].min() < 0.95  # clutter and targets both matter
-    assert component_mass(updated)[3] == 0.0  # nothing is near the clutter point
+    assert 0.05 < share[:3].min() < 0.95  # Clutter and targets both matter
+    assert component_mass(updated)[3] == 0.0  # Nothing is near the clutter point
 
 
 @pytest.mark.parametrize("previous", [False, True])

@@ -136,7 +136,7 @@ def test_engine_of_one_mode_tracks_a_target(engine):
             continue
         assert [len(found) for found in (step.filtered[0], step.smoothed[0])] == [1, 1]
         error = step.filtered[0].state[0, [0, 2]] - truth.state[0, [0, 2]]
-        assert np.hypot(*error) < 700.0  # twice the radar's own error
+        assert np.hypot(*error) < 700.0  # Twice the radar's own error
 
 
 @every_engine

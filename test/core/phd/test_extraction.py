@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.phd.extraction import (
 from phd_jdtc_ros.core.phd.particles import Particles
 
 EXTRACTIONS = {"components": components, "clusters": clusters}
-MODES = small().model.modes  # flat modes 0, 1 are class 0; 2, 3 class 1
+MODES = small().model.modes  # Flat modes 0, 1 are class 0; 2, 3 class 1
 
 
 def extract(phd, method=components, lag=0, threshold=0.5):

@@ -42,7 +42,7 @@ def test_systematic_copies_are_near_their_expectation_and_sum_to_the_count_of_a_
 
 def test_systematic_is_unbiased():
     rng = np.random.default_rng(5)
-    group = np.repeat([0, 1, 3], [7, 1, 12])  # group 2 is empty
+    group = np.repeat([0, 1, 3], [7, 1, 12])  # Group 2 is empty
     weight = rng.exponential(1.0, len(group))
     count = np.array([9, 4, 0, 5])
     trials = 4000

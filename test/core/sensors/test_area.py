@@ -36,7 +36,7 @@ def test_probability_is_the_integral_of_the_density(area):
 
 def test_rectangle_as_any_polygon_has_the_same_probability():
     turned = Area(np.roll(RECTANGLE.corners, 1, axis=0))
-    turned.__dict__["is_rectangle"] = False  # the general way
+    turned.__dict__["is_rectangle"] = False  # The general way
     std = np.full((5, 2), [0.8, 1.3])
     np.testing.assert_allclose(
         turned.probability(PLACES, std), RECTANGLE.probability(PLACES, std), atol=1e-14

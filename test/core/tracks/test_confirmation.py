@@ -390,7 +390,7 @@ def replace_report(index, report):
 def test_the_engine_reports_a_missed_target_as_coasting():
     config = resolve({"amplitude": "band"})
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
-    scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
+    scans[9] = scan_of(scans[9].stamp_ns)  # Nothing is detected
     of = new_engine(config)
     states = []
     for scan in scans:

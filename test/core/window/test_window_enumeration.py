@@ -137,7 +137,7 @@ def test_estimates_are_those_of_each_target_on_its_own(scan_of, period_ns, lag, 
     targets = [alone(scan_of, scene, target) for target in EVERY]
     of, waiting = make(), []
     for index in range(SCANS):
-        if scan_of is mixed_of and index % 7 == 3:  # as often as a snapshot may be taken
+        if scan_of is mixed_of and index % 7 == 3:  # As often as a snapshot may be taken
             of = restored(of, make)
         scan = scan_of(index, seen_in(scene, index))
         due, latest = [scan.stamp_ns], index

@@ -157,7 +157,7 @@ def plain(value):
         return {name: plain(getattr(value, name)) for name in names}
     if hasattr(value, "get_fields_and_field_types"):
         return {n: plain(getattr(value, n)) for n in value.get_fields_and_field_types()}
-    if isinstance(value, bytes):  # the diagnostic level
+    if isinstance(value, bytes):  # The diagnostic level
         return value[0]
     if isinstance(value, (list, tuple, np.ndarray, array)):
         return [plain(element) for element in value]

@@ -223,7 +223,7 @@ def test_decode_rejects_steps_that_do_not_match_the_data(changes):
     for name, value in changes.items():
         setattr(message, name, value)
     if changes == {"width": 3}:
-        message.row_step = 24  # else the row is a padded one
+        message.row_step = 24  # Otherwise the row is a padded one
     reason, text = rejection(message)
     assert reason == "schema"
     assert f"{message.height} x {message.width} points" in text

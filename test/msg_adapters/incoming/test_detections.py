@@ -103,7 +103,7 @@ def test_names_are_recognised_in_other_letter_cases():
     )
     found = adapter.from_msg(message, radar()).detections
     assert_allclose(found.measurement, [[100.0, 0.5]])
-    assert_allclose(found.amplitude, [3.0])  # an envelope as before, and no decibels
+    assert_allclose(found.amplitude, [3.0])  # An envelope as before, and no decibels
 
 
 @pytest.mark.parametrize("frame", ["", "radar_2", "map", "/radar_1"])

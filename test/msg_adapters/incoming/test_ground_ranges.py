@@ -170,10 +170,10 @@ def test_an_assumed_height_near_the_radar_is_below_30_degrees():
 def test_impossible_points_are_dropped_by_reason():
     report = read(
         [
-            (9e3, 10.0, 12e3),  # higher than it is far away
-            (90e3, 10.0, 40e3),  # nothing flies so high
+            (9e3, 10.0, 12e3),  # Higher than it is far away
+            (90e3, 10.0, 40e3),  # Nothing flies so high
             (90e3, 10.0, 1e300),
-            (460e3, 10.0, 9e3),  # beyond the maximum range
+            (460e3, 10.0, 9e3),  # Beyond the maximum range
             (1e300, 10.0, 9e3),
             (-90e3, 10.0, 9e3),
             (NAN, 10.0, 9e3),

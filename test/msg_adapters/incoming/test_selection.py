@@ -337,7 +337,7 @@ def test_slant_ranges_and_elevations_are_measurements_in_space():
     points = [(1000.0, 0.1, 0.5), (2000.0, 3.5, -0.02)]
     found = in_space(points, max_range=1999.0, min_range=900.0)
     assert_allclose(found.detections.measurement, [[1000.0, 0.1, 0.5]])
-    assert found.dropped == {"range": 1}  # of slant ranges
+    assert found.dropped == {"range": 1}  # They are slant ranges
     assert found.detections.noise_std is None
     both = in_space(points).detections.measurement
     assert_allclose(both[1], [2000.0, 3.5 - 2.0 * np.pi, -0.02])

@@ -53,7 +53,7 @@ def test_every_topic_has_messages(tracked):
     for row in rows:
         try:
             messages = list(row.encode(given[row.when], view))
-        except ImportError:  # messages that an installation may lack
+        except ImportError:  # Messages that an installation may lack
             continue
         assert messages, row.topic
 

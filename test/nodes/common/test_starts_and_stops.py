@@ -60,7 +60,7 @@ def test_node_shows_its_help(processes, name):
     status, text = processes.run(name, "--help")
     assert status == 0
     assert text.startswith(f"usage: {name} [-h]")
-    assert "`" not in text  # names of modules are for those who read the code
+    assert "`" not in text  # Names of modules are for those who read the code
 
 
 @pytest.mark.parametrize("name", NODES)

@@ -98,7 +98,7 @@ def test_bomb_ends_every_offline_tool(tmp_path, capsys, name):
     ):
         begin = time.process_time()
         assert run(tool, [*map(str, words)]) == 2
-        assert time.process_time() - begin < 2 * LIMIT_S  # with the tool's import
+        assert time.process_time() - begin < 2 * LIMIT_S  # It includes the tool's import
         assert len(capsys.readouterr().err.splitlines()) == 1
 
 

@@ -161,7 +161,7 @@ def test_replay_draws_a_line_on_a_terminal_only(tmp_path, processes):
         try:
             while part := screen.read1(4096):
                 shown += part
-        except OSError:  # the terminal's other end is closed
+        except OSError:  # The terminal's other end is closed
             pass
         assert process.wait(30.0) == 0
 

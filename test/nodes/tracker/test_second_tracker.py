@@ -73,7 +73,7 @@ def test_second_tracker_ends_beside_one_that_is_busy(processes, peer):
         sent += 1
         peer.pace(0.15)
     assert second.poll() == 2
-    assert len(radars.filtered) < sent - 1  # busy to the end
+    assert len(radars.filtered) < sent - 1  # Busy to the end
     assert first.poll() is None
 
 

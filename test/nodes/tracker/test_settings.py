@@ -120,7 +120,7 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
         9,
         "c.motions",
     )
-    assert values["gate.rates"] == [0.005, 0.005]  # too few, which `resolve` reports
+    assert values["gate.rates"] == [0.005, 0.005]  # Too few, which `resolve` reports
     assert not {name for name in values if name.startswith("class_")}
     assert any(fault.startswith("gate.rates: ") for fault in faults_of(resolve, values))
 

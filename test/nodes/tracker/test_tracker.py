@@ -135,7 +135,7 @@ def test_tracker_publishes_poses_markers_and_cardinality_with_the_contracted_qos
     assert int(values["hypotheses"]) > 0
     offered = peer.node.get_publishers_info_by_topic("/tracker/filtered/estimates")[0].qos_profile
     assert offered.reliability == RELIABLY
-    assert asked_for(peer) == [RELIABLY]  # as overridden
+    assert asked_for(peer) == [RELIABLY]  # It is overridden
 
 
 def asked_for(peer):
@@ -148,7 +148,7 @@ def test_busy_tracker_loses_no_cloud_of_a_reliable_radar(processes, peer):
     tracker = start_tracker(processes, qos=())
     radars = connected(peer)
     radars.track(0)
-    tracker.send_signal(signal.SIGSTOP)  # as in one long step
+    tracker.send_signal(signal.SIGSTOP)  # So it is in one long step
     for index in range(1, 46):
         radars.send(index)
     tracker.send_signal(signal.SIGCONT)

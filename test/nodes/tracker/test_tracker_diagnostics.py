@@ -112,7 +112,7 @@ def test_qos_override_is_for_its_topic_alone_and_pauses_lose_nothing(processes, 
 def test_output_qos_can_be_overridden_and_incompatible_subscribers_are_logged(processes, peer):
     override = f"qos_overrides.{ESTIMATES}.publisher.reliability:=best_effort"
     start_tracker(processes, "-p", override)
-    group = connected(peer)  # asks for reliable estimates
+    group = connected(peer)  # Asks for reliable estimates
     heard = peer.collect(PointCloud2, ESTIMATES, BEST_EFFORT)
     found = group.health.until_level("outputs", WARN)
     peer.meet()
@@ -190,7 +190,7 @@ def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer)
         lost = [[text for text in texts if "lost" in text] for texts in radars]
         if step and all(lost):
             break
-    tracker.kill()  # it would finish its step first
+    tracker.kill()  # It would finish its step first
     assert step, found
     assert "turn down accuracy, particles" in step[0]
     for texts in lost:
@@ -209,7 +209,7 @@ def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
     # How soon is not asked here, because on a busy machine it is not the tracker's doing.
     assert peer.spin_until(lambda: len(group.filtered) == 2)
     assert time.monotonic() - sent >= 0.4
-    group.send(1, radars=(1,))  # too late for its scan
+    group.send(1, radars=(1,))  # Too late for its scan
     group.track(2)
     assert group.health.values("step time")["closed_by_wait"] == "1"
     assert group.health.values("radar_2")["dropped_late"] == "1"

@@ -41,7 +41,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     end(peer, process, group)
     path = tmp_path / "tracker.ckpt"
     process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, *storing(path))
-    peer.meet()  # it is written after the estimates have gone out
+    peer.meet()  # It is written after the estimates have gone out
     end(peer, process, group, kill=True)
     assert path.exists()
     process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, *storing(path))

@@ -152,7 +152,7 @@ def test_late_plots_and_a_wrong_clock_are_found_out(bridged):
     data = made.pcap([(round((t + off_s) * NS), made.packet(block)) for t, block in packets])
     status, bag, said, given = bridged(data)
     assert status == 0
-    assert "; clock_off 1\n" in said.out  # and no late plots
+    assert "; clock_off 1\n" in said.out  # There are no late plots
     assert "its clock is -1581" in said.out
     assert given["radar_1_2.rotation_s"] == given["interval_s"] == pytest.approx(12.0, abs=1e-3)
     assert given["radar_1_2.sectors"] == 32

@@ -34,7 +34,7 @@ TRACKER = {
 SENSORS = {
     "ais": {
         "kind": "position",
-        "position_std": 500.0,  # far from the deviations of the reports, which count
+        "position_std": 500.0,  # Far from the deviations of the reports, which count
         "area": [-WIDTH / 2.0, -WIDTH / 2.0, WIDTH / 2.0, WIDTH / 2.0],
         "clutter_rate": CLUTTER,
         "detection_probability": PROBABILITY,

@@ -46,7 +46,7 @@ def test_track_bag_copies_detections_and_truth_and_adds_what_was_learned(short_b
 
 
 def test_track_bag_logs_everything_at_its_stamp_wherever_it_was_logged(short_bag, track, tmp_path):
-    later = 3600 * 10**9  # as when recorded from a driver whose clock differs
+    later = 3600 * 10**9  # It was recorded from a driver whose clock differs
     rewrite(short_bag, tmp_path / "late", lambda e: [(e[0], e[1], e[2] + later)])
     status, out = track(tmp_path / "late")
     assert status == 0

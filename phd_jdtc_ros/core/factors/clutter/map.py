@@ -218,7 +218,7 @@ class ClutterMap(Factor):
         local = (local / (PRIOR_REVOLUTIONS + revolutions)) ** (1.0 - area) * mean**area
         local = np.maximum(local, begun / neighbourhood.CELLS)
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
-        with np.errstate(divide="ignore"):  # cells without detections
+        with np.errstate(divide="ignore"):  # Cells without detections
             log_factor: FloatArray = np.logaddexp(0.0, np.log(local) - log_uniform)
         return log_factor
 

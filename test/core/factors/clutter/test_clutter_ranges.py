@@ -43,7 +43,7 @@ def test_both_laws_are_weighed_by_how_well_they_predicted_each_detection(table):
     law = ClutterRanges.of_table(True, LIMITS, table)
     nodes = np.random.default_rng(4).choice(NODES, 12, p=np.arange(NODES, 0, -1) / 78.0)
     hats = np.array([np.interp(POINTS, PLACES, row) for row in np.eye(NODES)])
-    hats[:, [0, -1]] *= 0.5  # by the trapezoidal rule
+    hats[:, [0, -1]] *= 0.5  # The trapezoidal rule
     density = hats @ np.interp(POINTS, *table) if table[0] else hats.sum(axis=1)
     share = density / density.sum()
     seen, of_given, of_learned = np.zeros(NODES), 1.0, 1.0

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.types import Detections
 RATE, MAX_RANGE = 10.0, 20e3
 STD = np.array([10.0, np.radians(0.2)])
 PLACE = np.array([[4e3, 1.0]])
-CELL = 3.0 * STD  # extent of a cell
+CELL = 3.0 * STD  # Extent of a cell
 # Six reflectors a cell apart, 42 m, three on each side of the place.
 QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
 

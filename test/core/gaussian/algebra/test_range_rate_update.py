@@ -57,7 +57,7 @@ def dense(radar, mean, covariance, measured, rate, time_s=0.0):
     weight = np.exp(log_weight) * np.exp(-0.5 * square).sum(axis=0)
     weight /= np.sqrt(2.0 * np.pi) * model.std
     share = weight / weight.sum()
-    assert 1.0 / (share**2).sum() > 300.0  # states that count
+    assert 1.0 / (share**2).sum() > 300.0  # States that count
     centre = share @ state
     apart = state - centre
     return np.log(weight.mean()), centre, (apart * share[:, None]).T @ apart

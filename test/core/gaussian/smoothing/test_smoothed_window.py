@@ -120,7 +120,7 @@ def test_smoothed_classes_are_those_of_a_hidden_markov_chain_over_their_cells():
     engine = started(config)
     dynamics = engine.forward.dynamics
     amplitudes = np.random.default_rng(3).uniform(4.0, 15.0, len(EVEN))
-    begin = 0.5 * dynamics.cells.prior.ravel()  # as `started` has it
+    begin = 0.5 * dynamics.cells.prior.ravel()  # As `started` has it
     forward, chain, likelihoods = [], block_diag(*dynamics.cells.transition(6.0)), []
     for index, second in enumerate(EVEN):
         place = radar.measure(path([second]))
@@ -184,7 +184,7 @@ def test_classes_with_one_and_two_motions_have_a_textbook_smoother_each():
                 mean = part.mean
                 np.testing.assert_allclose(mixture.mean[0, mode], mean, rtol=1e-8, atol=1e-9)
         first = last
-    assert 0.01 < found[-1].weight[0, :1].sum() < 0.99  # both classes matter
+    assert 0.01 < found[-1].weight[0, :1].sum() < 0.99  # Both classes matter
 
 
 def test_target_that_was_dropped_has_died_or_never_was():

@@ -199,7 +199,7 @@ def test_targets_that_cannot_be_reported_are_not_smoothed_and_the_others_are_the
         whole, part = lineages.Lineages(), lineages.Lineages()
         for each in (whole, part):
             each.extend(entries)
-        stamp_ns = entry.stamp_ns + 10**9  # between scans, so that targets are interpolated
+        stamp_ns = entry.stamp_ns + 10**9  # Between scans, so that targets are interpolated
         every, some = whole.smooth(stamp_ns), part.smooth(stamp_ns, threshold)
         left_out += len(every.before) - len(some.before)
         expected = smoother.extract_at(whole, every, dynamics, stamp_ns, 2, threshold)
@@ -250,8 +250,8 @@ def test_lineages_of_another_window_are_not_continued():
     own.extend(entries[:-1])
     assert own._is_continued_by(entries)
     assert own._is_continued_by(entries[9:])
-    assert not own._is_continued_by(entries[:-2])  # it went back
-    assert not own._is_continued_by(entries[-1:])  # it has none of them
+    assert not own._is_continued_by(entries[:-2])  # It went back
+    assert not own._is_continued_by(entries[-1:])  # It has none of them
     # A changed entry changes all later ones, the latest of them included.
     copied = replace(entries[-2], stored=replace(entries[-2].stored))
     assert not own._is_continued_by([*entries[:-2], copied, entries[-1]])

@@ -230,7 +230,7 @@ def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     operator.health.fresh("south")
     assert {found[-1].level for found in operator.health.all().values()} <= {
         DiagnosticStatus.OK,
-        DiagnosticStatus.STALE,  # nothing is sent while this waits for the report
+        DiagnosticStatus.STALE,  # Nothing is sent while this waits for the report
     }
 
     # Deactivating brings out what was held back.

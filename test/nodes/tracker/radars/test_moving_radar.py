@@ -112,7 +112,7 @@ def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp
 def test_a_moving_radar_is_replayed_and_recorded_with_poses(processes, peer, tracker, tmp_path):
     bag = write_bag(tmp_path / "bag", sent())
     outputs, found = tracker(source="smoothed")
-    for output in outputs.values():  # the replay is the only one that sends
+    for output in outputs.values():  # The replay is the only one that sends
         peer.node.destroy_publisher(output)
     record = tmp_path / "recorded"
     topics = {
