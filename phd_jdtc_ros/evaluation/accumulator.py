@@ -103,23 +103,22 @@ class Metric:
 
     key: str  # Key in `metrics.json` and in a study's summary
     heading: str  # Heading of the column
-    of_run: Figure
     definition: str  # One or two sentences
     group: Group
+    figure: Figure | None = None  # None for the mean of the value `key` over the scans that have it
     unit: str = ""  # Empty for a number without a unit
     form: str = ".1f"  # Python format specification
     # True if the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     headline: bool = False
 
+    def of_run(self, run: Totals) -> FloatArray:
+        """Return the figure of each run from its totals; NaN where undefined."""
+        return run.mean(self.key) if self.figure is None else self.figure(run)
+
     def text(self, value: float) -> str:
         """Return a figure as text, with its unit; lengths below a metre have two digits."""
         form = "#.2g" if self.unit == "m" and 5e-4 <= abs(value) < 0.995 else self.form
         return f"{value:{form}} {self.unit}".rstrip()
-
-
-def mean(name: str) -> Figure:
-    """Return a figure: the mean of a value over the scans that have it."""
-    return lambda run: run.mean(name)
 
 
 def share(part: str, whole: str) -> Figure:

@@ -151,7 +151,7 @@ def _by_age(
         *((f"{short} age {ages.text}", _text_of(heading, ages)) for ages in AGES),
     ]
     return tuple(
-        Metric(ages.key(key), head, share(ages.key(part), ages.key(PAIRS)), text, group, form=form)
+        Metric(ages.key(key), head, text, group, share(ages.key(part), ages.key(PAIRS)), form=form)
         for ages, (head, text) in zip(AGE_GROUPS, texts, strict=True)
     )
 

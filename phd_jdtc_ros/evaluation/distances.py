@@ -20,7 +20,6 @@ from .accumulator import (
     Accumulator,
     Metric,
     Values,
-    mean,
     root_mean,
     share,
 )
@@ -38,7 +37,6 @@ class OspaAccumulator(Accumulator):
             key="ospa",
             heading="OSPA",
             unit="m",
-            of_run=mean("ospa"),
             definition="Mean over the scans of the optimal sub-pattern assignment distance between "
             "the estimated and the true positions of a scan. Estimates and targets are paired so "
             "that the sum of the p-th powers of their distances, each cut off at c, is least. A "
@@ -51,7 +49,6 @@ class OspaAccumulator(Accumulator):
             key="localization",
             heading="localisation",
             unit="m",
-            of_run=mean("localization"),
             definition="The part of the OSPA distance due to the position errors of the pairs. The "
             "p-th powers of the two parts add up to that of the distance in every scan; the parts "
             "themselves add only for p = 1.",
@@ -61,7 +58,6 @@ class OspaAccumulator(Accumulator):
             key="cardinality",
             heading="cardinality",
             unit="m",
-            of_run=mean("cardinality"),
             definition="The part of the OSPA distance due to the wrong number of targets.",
             group=OSPA,
         ),
@@ -82,7 +78,6 @@ class GospaAccumulator(Accumulator):
             key="gospa",
             heading="GOSPA",
             unit="m",
-            of_run=mean("gospa"),
             definition="Mean over the scans of the generalised OSPA distance (alpha = 2) with the "
             "same p and c. It is not divided by the number of targets, and every missed and every "
             "false target costs c / 2^(1/p).",
@@ -92,7 +87,6 @@ class GospaAccumulator(Accumulator):
             key="gospa_localization",
             heading="localisation",
             unit="m",
-            of_run=mean("gospa_localization"),
             definition="The part of the GOSPA distance due to the position errors of the pairs; it "
             "is not divided by their number.",
             group=GOSPA,
@@ -101,7 +95,6 @@ class GospaAccumulator(Accumulator):
             key="missed",
             heading="missed",
             form=".3f",
-            of_run=mean("missed"),
             definition="Mean number per scan of targets that GOSPA pairs with no estimate.",
             group=GOSPA,
         ),
@@ -109,7 +102,6 @@ class GospaAccumulator(Accumulator):
             key="false",
             heading="false",
             form=".3f",
-            of_run=mean("false"),
             definition="Mean number per scan of estimates that GOSPA pairs with no target.",
             group=GOSPA,
         ),
@@ -131,7 +123,6 @@ class Numbers(Accumulator):
             key="cardinality_abs_error",
             heading="number error",
             form=".3f",
-            of_run=mean("cardinality_abs_error"),
             definition="Mean over the scans of the absolute difference between the number of "
             "estimates and the number of targets.",
             group=OSPA,
@@ -153,7 +144,6 @@ class Space(Accumulator):
             key="ospa_3d",
             heading="OSPA in space",
             unit="m",
-            of_run=mean("ospa_3d"),
             definition="The OSPA distance of positions with heights, in scans whose estimates are "
             "in space and whose true heights are known. An estimate whose height is unknown is as "
             "far as c from every target.",
@@ -163,7 +153,6 @@ class Space(Accumulator):
             key="gospa_3d",
             heading="GOSPA in space",
             unit="m",
-            of_run=mean("gospa_3d"),
             definition="The GOSPA distance of the same positions.",
             group=SPACE,
         ),
@@ -171,7 +160,7 @@ class Space(Accumulator):
             key="nees_3d",
             heading="NEES in space",
             form="#.3g",
-            of_run=share("nees_3d_sum", "judged_in_space"),
+            figure=share("nees_3d_sum", "judged_in_space"),
             definition="Normalised estimation error squared of position and velocity in space, "
             "divided by 6: the mean over the pairs with known heights and climb rates. It is 1 if "
             "the covariances are right, and larger if they are too small.",
@@ -239,7 +228,7 @@ class Pairs(Accumulator):
             key="position_rms",
             heading="position RMS",
             unit="m",
-            of_run=root_mean("square_error", "pairs"),
+            figure=root_mean("square_error", "pairs"),
             definition="Root mean square, over all pairs of the run, of the distance between a "
             "target and the estimate that it is paired with, by position alone, closer than c.",
             group=SURVEILLANCE,
@@ -248,7 +237,7 @@ class Pairs(Accumulator):
             key="position_detection",
             heading="position detected",
             form=".2%",
-            of_run=share("pairs", "n_true"),
+            figure=share("pairs", "n_true"),
             definition="Share of the targets, over all scans, that are paired with an estimate, by "
             "position alone, closer than c.",
             group=SURVEILLANCE,
@@ -269,7 +258,7 @@ class Nearness(Accumulator):
             key="false_per_scan",
             heading="false per scan",
             form=".3f",
-            of_run=mean("beyond"),
+            figure=lambda run: run.mean("beyond"),
             definition="Mean number per scan of estimates that are farther than c from every "
             "target. A second estimate near a target does not count here; `false` counts it too.",
             group=WHOLE,
@@ -279,7 +268,7 @@ class Nearness(Accumulator):
             key="position_near",
             heading=f"within {NEAR:g} m",
             form=".2%",
-            of_run=share("near", "n_true"),
+            figure=share("near", "n_true"),
             definition=(
                 "Share of the targets, over all scans, that are paired with an estimate closer "
                 f"than {NEAR:g} m, and than c."
@@ -305,7 +294,7 @@ class Heights(Accumulator):
             key="height_rms",
             heading="height RMS",
             unit="m",
-            of_run=root_mean("height_square_error", "heights"),
+            figure=root_mean("height_square_error", "heights"),
             definition="Root mean square, over all pairs of the run whose true and estimated "
             "heights are known, of the difference of the two.",
             group=WHOLE,
@@ -330,7 +319,7 @@ class Classes(Accumulator):
             key="class_accuracy",
             heading="class accuracy",
             form=".1%",
-            of_run=share("right_class", "pairs"),
+            figure=share("right_class", "pairs"),
             definition="Share of the pairs with the right class. Pairs are of an estimate and a "
             "target, by position alone, closer than c; in a report the estimates are those of the "
             "smoother. Missed and false targets are left out.",

@@ -80,7 +80,7 @@ class Ospa2Accumulator(LabelAccumulator):
             key="ospa2",
             heading="OSPA(2)",
             unit="m",
-            of_run=if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
+            figure=if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
             definition=(
                 "Mean over the scans of the OSPA distance between estimated and true trajectories "
                 f"in the last {OSPA2_WINDOW} scans. The distance of two trajectories is the mean "
@@ -187,7 +187,7 @@ class Gaps(Accumulator):
             key="longest_gap_s",
             heading="longest gap",
             unit="s",
-            of_run=if_any("n_true", lambda run: run.maximum("longest_gap_s")),
+            figure=if_any("n_true", lambda run: run.maximum("longest_gap_s")),
             definition="The longest of all gaps. A gap is a time in which an existing target has "
             "no paired estimate. It lasts from the previous estimate, or else the target's first "
             "scan, to the next estimate, or else its last scan.",
@@ -198,7 +198,7 @@ class Gaps(Accumulator):
             heading="long gaps",
             form=".1%",
             # The share is 0 in a run without gaps.
-            of_run=if_any(
+            figure=if_any(
                 "n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)
             ),
             definition=f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
@@ -208,7 +208,7 @@ class Gaps(Accumulator):
             key="long_gap_misses",
             heading="missed in them",
             form=".2%",
-            of_run=share("missed_in_long_gaps", "n_true"),
+            figure=share("missed_in_long_gaps", "n_true"),
             definition="Share of the targets, over all scans, that are missed in long gaps.",
             group=SURVEILLANCE,
         ),
@@ -318,7 +318,7 @@ class Switches(LabelAccumulator):
             key="identity_switches",
             heading="identity switches",
             form=".0f",
-            of_run=if_any("n_est", lambda run: run.sum("identity_switches")),
+            figure=if_any("n_est", lambda run: run.sum("identity_switches")),
             definition="Number over the run of targets that are paired with another track id than "
             "before, and of track ids that pass to another target: a broken track counts one, two "
             "swapped tracks count two. A target and a track stay a pair while both exist, closer "
@@ -331,7 +331,7 @@ class Switches(LabelAccumulator):
             key="seen_switches",
             heading="identity switches, seen",
             form=".0f",
-            of_run=if_any("n_est", lambda run: run.sum("seen_switches")),
+            figure=if_any("n_est", lambda run: run.sum("seen_switches")),
             definition="The same, except that a coasting track, which had no detection in its last "
             "scan, keeps its target and is paired with no other. A track that coasts for one more "
             "revolution after its target has landed is therefore not paired with an aircraft that "

@@ -9,7 +9,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.evaluation import run_scores
-from phd_jdtc_ros.evaluation.accumulator import Accumulator, Group, Metric, Values, mean, share
+from phd_jdtc_ros.evaluation.accumulator import Accumulator, Group, Metric, Values, share
 from phd_jdtc_ros.evaluation.comparison import Comparison, PairedScan
 from phd_jdtc_ros.evaluation.metrics import assign, ospa
 from phd_jdtc_ros.simulation.scenario import truth_after
@@ -79,7 +79,6 @@ class OspaAfterBirth(RunAccumulator):
             key="ospa_after_5",
             heading="OSPA after 5 scans",
             unit="m",
-            of_run=mean("ospa_after_5"),
             definition="Mean OSPA without the targets in their first five scans and without the "
             "estimates that are paired with them. Scans in which all existing targets are in their "
             "first five are left out.",
@@ -115,7 +114,6 @@ class MedianError(RunAccumulator):
             key="median_error",
             heading="median error",
             unit="m",
-            of_run=mean("median_error"),
             definition="Median distance of the pairs of a scan, its mean over the scans.",
             group=STUDY,
         ),
@@ -139,7 +137,7 @@ class Promptness(RunAccumulator):
             key="reported_within_4",
             heading="reported within 4 scans",
             form=".1%",
-            of_run=share("prompt", "begun"),
+            figure=share("prompt", "begun"),
             definition="Share of the targets that are paired with an estimate in one of their "
             "first four scans, by position alone, closer than c; of targets that exist so long.",
             group=STUDY,
@@ -165,7 +163,6 @@ class CpuTime(RunAccumulator):
             heading="CPU per revolution",
             unit="ms",
             form=".0f",
-            of_run=mean("cpu_ms"),
             definition="CPU time per revolution of the antenna, filter and smoother together.",
             group=STUDY,
         ),
@@ -190,7 +187,6 @@ class ReflectorsAndDelays(RunAccumulator):
             key="on_reflectors",
             heading="on reflectors",
             form=".3f",
-            of_run=mean("on_reflectors"),
             definition="Mean number per revolution, after the first twenty, of estimates within "
             "100 m of a reflector such as a quay, and farther than that from every target.",
             group=STUDY,
@@ -199,7 +195,7 @@ class ReflectorsAndDelays(RunAccumulator):
             key="late",
             heading="found late",
             form=".1%",
-            of_run=share("late", "five_scans_old"),
+            figure=share("late", "five_scans_old"),
             definition="Share of the targets to which no estimate within 200 m was assigned in "
             "their first five scans or revolutions.",
             group=STUDY,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, Totals, mean
+from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, Totals
 from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import (
     ACCUMULATORS,
@@ -76,7 +76,7 @@ def test_classes_have_no_verdict_where_none_are_compared(scan):
 def test_a_metric_needs_nothing_but_its_accumulator():
     class Scans(Accumulator):
         names = ("scans_before",)
-        metrics = (Metric("before", "before", mean("scans_before"), "Before.", OSPA),)
+        metrics = (Metric("scans_before", "before", "Before.", OSPA),)
         scans = -1
 
         def update(self, scan):
