@@ -51,7 +51,11 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
     """
     for what, count in counts.items():
         if what in _TEXTS:
-            yield _TEXTS[what](sensor, count)
+            text = _TEXTS[what]
+            if isinstance(text, str):
+                yield text.format(name=sensor.name, count=count)
+            else:
+                yield text(sensor, count)
         elif what in _MISSING:
             yield _missing(sensor, what.removesuffix("_missing"), _MISSING[what])
         else:
@@ -272,83 +276,59 @@ _MISSING = {
     **dict.fromkeys(("vx_missing", "vy_missing"), "its velocities are unknown"),
     "velocity_std_missing": "velocity_std is used",
 }
-# The warnings by anomaly, each of the parameters of a sensor of the kind that has it.
-_TEXTS: Mapping[str, Callable[[Any, int], str]] = {
+# The warnings by anomaly: a text with the number of cases and the sensor's name, or a function of
+# the parameters of a sensor of the kind that has the anomaly, and of the number.
+_TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
     "azimuths_no_angles": lambda radar, count: (
         f"{count} azimuths beyond {NO_ANGLE:g}, neither radians nor degrees; are {radar.name}."
         "fields.azimuth and fields.range right, and not swapped?"
     ),
-    "ranges_negative": lambda radar, count: (
-        f"{count} negative ranges, which are not used; are {radar.name}.fields.range and "
-        "fields.azimuth right, and not swapped?"
-    ),
-    "azimuths_in_radians": lambda radar, _: (
-        "all azimuths are within 6.3 degrees; probably radians, set "
-        f"{radar.name}.units.azimuth to rad"
-    ),
+    "ranges_negative": "{count} negative ranges, which are not used; are {name}.fields.range and "
+    "fields.azimuth right, and not swapped?",
+    "azimuths_in_radians": "all azimuths are within 6.3 degrees; probably radians, set "
+    "{name}.units.azimuth to rad",
     "azimuths_in_turns": lambda radar, _: (
         f"azimuths fill the arc from 0 to 1 {'degree' if radar.units.in_degrees else 'rad'}, and "
         "none is outside; if they are turns, multiply them by 2 pi, with units.azimuth rad"
     ),
-    "lengths_not_in_metres": lambda sensor, _: (
-        f"a name in {sensor.name}.fields has another unit than metres, in which ranges, x and y "
-        "are used; convert them, or rename the field"
-    ),
+    "lengths_not_in_metres": "a name in {name}.fields has another unit than metres, in which "
+    "ranges, x and y are used; convert them, or rename the field",
     "ranges_near": lambda radar, _: (
         f"all ranges are far below {radar.name}.max_range, {radar.max_range:g} m; ranges must be "
         "in metres"
     ),
-    "detections_repeated": lambda radar, count: (
-        f"{count} detections that repeat another one of their report in every field; each is used "
-        "once. Does the driver send its buffer twice?"
-    ),
-    "detections_twinned": lambda radar, count: (
-        f"{count} detections with another one of their scan within their noise, so that targets "
-        f"have two tracks; is every plot recorded twice? {radar.name}.cluster_distance merges them"
-    ),
-    "reports_repeated": lambda radar, count: (
-        f"{count} clouds that repeat all detections of the cloud before under another stamp; they "
-        "are not used. Does the driver send its buffer twice?"
-    ),
-    "reports_nearly_repeated": lambda radar, count: (
-        f"{count} clouds that repeat the detections of the cloud before under another stamp, a "
-        "little apart; targets may have several tracks. Is every cloud recorded twice?"
-    ),
+    "detections_repeated": "{count} detections that repeat another one of their report in every "
+    "field; each is used once. Does the driver send its buffer twice?",
+    "detections_twinned": "{count} detections with another one of their scan within their noise, "
+    "so that targets have two tracks; is every plot recorded twice? {name}.cluster_distance merges "
+    "them",
+    "reports_repeated": "{count} clouds that repeat all detections of the cloud before under "
+    "another stamp; they are not used. Does the driver send its buffer twice?",
+    "reports_nearly_repeated": "{count} clouds that repeat the detections of the cloud before "
+    "under another stamp, a little apart; targets may have several tracks. Is every cloud recorded "
+    "twice?",
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"
     ),
-    "heights_unusable": lambda _, count: (
-        f"{count} heights that are infinite or absurd; their detections are used without them"
-    ),
+    "heights_unusable": "{count} heights that are infinite or absurd; their detections are used "
+    "without them",
     "deviations_unusable": lambda sensor, count: f"{count} {_deviations_of(sensor)}",
-    "velocities_unusable": lambda _, count: (
-        f"{count} velocities that are infinite or absurd; their detections are used without them"
-    ),
-    "areas_unusable": lambda sensor, count: (
-        f"{count} clouds whose area_x_min, area_y_min, area_x_max and area_y_max are no area that "
-        f"is the same in all points; {sensor.name}.area replaces it"
-    ),
-    "positions_far": lambda _, count: (
-        f"{count} positions 1000 km or more from the sensor, where single precision rounds to 0.06 "
-        "m or more; let the driver subtract a place nearby, and set position to it"
-    ),
-    "elevations_unusable": lambda radar, count: (
-        f"{count} elevations beyond the zenith, which are not used; if they are in degrees, set "
-        f"{radar.name}.units.elevation to deg"
-    ),
-    "elevations_opposite": lambda radar, count: (
-        f"{count} elevations outside {radar.name}.fov_elevation_deg or below the floor of "
-        "height_prior, whose opposites are not; if they are depression angles, set "
-        f"{radar.name}.units.elevation to down_rad or down_deg"
-    ),
-    "elevations_unknown": lambda radar, count: (
-        f"{count} detections without an elevation (NaN, or 0 in a whole cloud), whose heights are "
-        f"unknown; if {radar.name} measures none, {radar.name}.fields.elevation has to be empty"
-    ),
-    "range_rates_unusable": lambda radar, count: (
-        f"{count} range rates that are infinite or absurd; their detections are used without them"
-    ),
+    "velocities_unusable": "{count} velocities that are infinite or absurd; their detections are "
+    "used without them",
+    "areas_unusable": "{count} clouds whose area_x_min, area_y_min, area_x_max and area_y_max are "
+    "no area that is the same in all points; {name}.area replaces it",
+    "positions_far": "{count} positions 1000 km or more from the sensor, where single precision "
+    "rounds to 0.06 m or more; let the driver subtract a place nearby, and set position to it",
+    "elevations_unusable": "{count} elevations beyond the zenith, which are not used; if they are "
+    "in degrees, set {name}.units.elevation to deg",
+    "elevations_opposite": "{count} elevations outside {name}.fov_elevation_deg or below the floor "
+    "of height_prior, whose opposites are not; if they are depression angles, set "
+    "{name}.units.elevation to down_rad or down_deg",
+    "elevations_unknown": "{count} detections without an elevation (NaN, or 0 in a whole cloud), "
+    "whose heights are unknown; if {name} measures none, {name}.fields.elevation has to be empty",
+    "range_rates_unusable": "{count} range rates that are infinite or absurd; their detections are "
+    "used without them",
     "range_rates_beyond_ambiguity": lambda radar, count: (
         f"{count} range rates beyond {radar.name}.range_rate_ambiguity, "
         f"{radar.range_rate_ambiguity:g} m/s, which are used modulo this value; is it right?"
@@ -357,19 +337,13 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} clouds whose sector is not one whole number from 0 to "
         f"{max(radar.sectors - 1, 0)}; the sector is derived from their detections"
     ),
-    "identities_unusable": lambda radar, count: (
-        f"{count} codes or addresses that are not whole numbers of 12 or 24 bits; their "
-        "detections are used without them"
-    ),
+    "identities_unusable": "{count} codes or addresses that are not whole numbers of 12 or 24 "
+    "bits; their detections are used without them",
     "height_missing": lambda radar, _: _missing(radar, "height", _without_height(radar)),
-    "clouds_missing": lambda radar, count: (
-        f"{count} clouds are missing by the stamps: they were lost, or the driver sends no empty "
-        "clouds; no target there counts as missed"
-    ),
-    "sectors_repeated": lambda radar, count: (
-        f"{count} clouds of azimuths that the antenna cannot have passed again yet; are "
-        f"{radar.name}.rotation_s and sectors right?"
-    ),
+    "clouds_missing": "{count} clouds are missing by the stamps: they were lost, or the driver "
+    "sends no empty clouds; no target there counts as missed",
+    "sectors_repeated": "{count} clouds of azimuths that the antenna cannot have passed again yet; "
+    "are {name}.rotation_s and sectors right?",
     "sector_numbers_wrong": lambda radar, count: (
         f"{count} clouds whose detections lie outside the cloud's sector; sectors are numbered "
         f"from 0 at azimuth zero, {max(radar.sectors, 1)} per revolution"
@@ -378,37 +352,23 @@ _TEXTS: Mapping[str, Callable[[Any, int], str]] = {
         f"{count} clouds whose azimuths and times do not fit one turning antenna; are "
         f"{radar.name}.rotation_s and {'fields.time' if radar.fields.time else 'sectors'} right?"
     ),
-    "times_disagree": lambda radar, count: (
-        f"{count} detections whose times do not match their azimuths; they are used unchanged, "
-        "but not to estimate the antenna's motion"
-    ),
-    "detections_late": lambda radar, count: (
-        f"{count} detections arrived after the report of their part of the revolution; they are "
-        "used, but their targets counted as missed before"
-    ),
-    "slices_late": lambda radar, count: (
-        f"{count} parts of revolutions arrived after their scans were closed; set reorder_s to the "
-        "longest rotation_s of the radars"
-    ),
-    "late_reworked": lambda radar, count: (
-        f"{count} clouds, or parts of revolutions, arrived after their scans were closed and were "
-        "reprocessed; if there are many, delay scans with reorder_s"
-    ),
+    "times_disagree": "{count} detections whose times do not match their azimuths; they are used "
+    "unchanged, but not to estimate the antenna's motion",
+    "detections_late": "{count} detections arrived after the report of their part of the "
+    "revolution; they are used, but their targets counted as missed before",
+    "slices_late": "{count} parts of revolutions arrived after their scans were closed; set "
+    "reorder_s to the longest rotation_s of the radars",
+    "late_reworked": "{count} clouds, or parts of revolutions, arrived after their scans were "
+    "closed and were reprocessed; if there are many, delay scans with reorder_s",
     "poses_extrapolated": lambda radar, count: (
         f"{count} clouds, or parts of revolutions, are later than the poses on "
         f"{radar.pose.topic}; the platform's pose is extrapolated with its last velocity"
     ),
-    "sectors_not_configured": lambda radar, count: (
-        "each cloud covers a part of the revolution, and together they cover all of it; set "
-        f"{radar.name}.rotation_s and {radar.name}.sectors, or targets that the antenna has not "
-        "passed count as missed"
-    ),
-    "fov_not_configured": lambda radar, count: (
-        "all its detections are within a part of the revolution; if its field of view is limited, "
-        f"set {radar.name}.fov_deg, or targets outside it count as missed"
-    ),
-    "slant_ranges": lambda radar, count: (
-        "ranges are used as ground ranges, which puts an aircraft at 10 km height and 15 km range "
-        f"3.8 km off; set {radar.name}.fields.height or fields.elevation"
-    ),
+    "sectors_not_configured": "each cloud covers a part of the revolution, and together they cover "
+    "all of it; set {name}.rotation_s and {name}.sectors, or targets that the antenna has not "
+    "passed count as missed",
+    "fov_not_configured": "all its detections are within a part of the revolution; if its field of "
+    "view is limited, set {name}.fov_deg, or targets outside it count as missed",
+    "slant_ranges": "ranges are used as ground ranges, which puts an aircraft at 10 km height and "
+    "15 km range 3.8 km off; set {name}.fields.height or fields.elevation",
 }
