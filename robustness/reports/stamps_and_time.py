@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations, pairwise, product, takewhile
 from operator import eq
 
@@ -227,7 +228,7 @@ def measure_silence(repeats: int = 3) -> Found:
             _at_rate(radars, index, REGULAR, (0,))
             index += REGULAR
             # On a busy machine the status is here later than it was sent.
-            radars.spin_until(lambda since=stopped: _silence_delay(radars, since) is not None, 5.0)
+            radars.spin_until(partial(_is_noticed, radars, stopped), 5.0)
             found.append(_silence_delay(radars, stopped))
             # Two scans wait for the silent radar; all others are answered.
             going_on &= len(radars.filtered) - before >= REGULAR - 3
@@ -249,6 +250,10 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
             radars.outputs[radar].publish(scans.cloud(index + step, radar))
         # Also if this process is late itself, it receives.
         radars.spin(max(begin + (step + 1) * PERIOD_S - time.monotonic(), 0.01))
+
+
+def _is_noticed(radars: Radars, stopped: float) -> bool:
+    return _silence_delay(radars, stopped) is not None
 
 
 def _silence_delay(radars: Radars, stopped: float) -> float | None:
