@@ -29,7 +29,6 @@ DEFAULTS: Mapping[str, Any] = {
     "amplitude": "none",
     "detection_births.rates": [0.2],
     "detection_births.std": [40.0, 0.02],
-    "detection_births.least_probability": 0.0005,
 }
 TURN_RATE_STD = 0.02  # Of targets that are born at detections, rad/s
 # Parameters without a default; the user or a recording must provide them. Those of sensors by kind.

@@ -43,7 +43,6 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "births": [],
         "detection_births.rates": [0.2],
         "detection_births.std": [round_to_std(SPEED_MARGIN * first.speed_std, 0.1), 0.02],
-        "detection_births.least_probability": 0.0005,
         "spawn.rate": 0.0,
         "target.survival_probability": _survival_probability(found, look_s),
     } | _motions(calm, hard)
