@@ -366,7 +366,7 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
         return f"parameters from {', '.join(map(str, files))}"
     others = f" except {', '.join(given)}" if given else ""
     return (
-        f"default parameters (profile {default_profile}){others}: no parameter file was given; for "
+        f"default parameters (profile {default_profile}){others}: no parameter file sets any; for "
         "radars of your own start from a copy of config/surveillance.yaml"
     )
 

@@ -158,7 +158,7 @@ def test_tracker_without_a_file_logs_that_it_uses_the_defaults(processes, peer, 
         "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
         "radar_2 on /radar_2/detections), default parameters (profile defaults)"
         + (" except lag" if given else "")
-        + ": no parameter file was given; for radars of your own start from a copy of "
+        + ": no parameter file sets any; for radars of your own start from a copy of "
         "config/surveillance.yaml"
     )
 
