@@ -7,16 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from phd_jdtc_ros.core.factors import (
-    Bursts,
-    ClutterRate,
-    Detection,
-    Factor,
-    Limit,
-    Noise,
-    Outliers,
-    Pressure,
-)
+from phd_jdtc_ros.core import factors
 from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck
 from phd_jdtc_ros.core.sensors.gaussians import SPAN, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
@@ -54,19 +45,19 @@ def _heights(own: PositionParameters, prior: HeightPrior) -> ReportedHeights:
     return ReportedHeights(own.position_std, garbled=0.0, span=span)
 
 
-def position_factors(own: PositionParameters) -> tuple[Factor, ...]:
+def position_factors(own: PositionParameters) -> tuple[factors.Factor, ...]:
     """Return what else is assumed of a sensor's detections, in the order in which it applies."""
     learn = set(own.learn)
     found = (
-        "detection" in learn and Detection(farthest(own.area)),
-        "noise" in learn and Noise.of(np.array([True, True, False])),
-        "outliers" in learn and Outliers(),
-        "clutter" in learn and ClutterRate.beginning_with(own.clutter_rate),
-        Limit(),
-        Bursts(),
-        own.height_prior is not None and own.fields.height and Pressure(*own.air),
+        "detection" in learn and factors.Detection(farthest(own.area)),
+        "noise" in learn and factors.Noise.of(np.array([True, True, False])),
+        "outliers" in learn and factors.Outliers(),
+        "clutter" in learn and factors.ClutterRate.beginning_with(own.clutter_rate),
+        factors.Limit(),
+        factors.Bursts(),
+        own.height_prior is not None and own.fields.height and factors.Pressure(*own.air),
     )
-    return tuple(factor for factor in found if isinstance(factor, Factor))
+    return tuple(factor for factor in found if isinstance(factor, factors.Factor))
 
 
 def report_check(own: PositionParameters) -> PositionReportCheck:

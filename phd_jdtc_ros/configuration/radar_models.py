@@ -12,24 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from phd_jdtc_ros.core.factors import (
-    Bursts,
-    ClutterMap,
-    ClutterRanges,
-    ClutterRate,
-    CorrelatedMisses,
-    Detection,
-    Factor,
-    GroundGrid,
-    Learned,
-    Limit,
-    Multipath,
-    Noise,
-    Outliers,
-    PolarGrid,
-    Pressure,
-    Sectors,
-)
+from phd_jdtc_ros.core import factors
 from phd_jdtc_ros.core.intake.input_checks import (
     FAR,
     RADIANS_AS_DEGREES,
@@ -294,45 +277,49 @@ def _in_space(radar: RadarParameters, prior: HeightPrior, model: RadarModel) -> 
     )
 
 
-def radar_factors(radar: RadarParameters) -> tuple[Factor, ...]:
+def radar_factors(radar: RadarParameters) -> tuple[factors.Factor, ...]:
     """Return what else is assumed of a radar's detections, in the order in which it applies."""
     learn = set(radar.learn)
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     # The components of a measurement, and the range rate.
     elevation = [] if radar.height_prior is None else [bool(radar.fields.elevation)]
     noise = np.array([True, True, *elevation, bool(radar.fields.range_rate)])
-    correlation = CorrelatedMisses(radar.detection_correlation, "correlation" in learn)
+    correlation = factors.CorrelatedMisses(radar.detection_correlation, "correlation" in learn)
     speed = radar.clutter_map_speed if radar.clutter_map else 0.0
     found = (
-        Sectors(),
-        "detection" in learn and Detection(radar.max_range, speed),
-        "noise" in learn and Noise.of(noise),
-        "outliers" in learn and Outliers(),
+        factors.Sectors(),
+        "detection" in learn and factors.Detection(radar.max_range, speed),
+        "noise" in learn and factors.Noise.of(noise),
+        "outliers" in learn and factors.Outliers(),
         (correlation.learned or correlation.start) and correlation,
-        "clutter" in learn and ClutterRate.beginning_with(radar.clutter_rate),
+        "clutter" in learn and factors.ClutterRate.beginning_with(radar.clutter_rate),
         ("clutter" in learn or radar.clutter_density) and _clutter_ranges(radar),
         radar.clutter_map and _clutter_map(radar),
-        radar.clutter_amplitude == "learned" and Learned(threshold),
-        Limit(),
-        Bursts(),
-        "multipath" in learn and Multipath(),
-        radar.height_prior is not None and radar.fields.height and Pressure(*radar.air),
+        radar.clutter_amplitude == "learned" and factors.Learned(threshold),
+        factors.Limit(),
+        factors.Bursts(),
+        "multipath" in learn and factors.Multipath(),
+        radar.height_prior is not None and radar.fields.height and factors.Pressure(*radar.air),
     )
-    return tuple(factor for factor in found if isinstance(factor, Factor))
+    return tuple(factor for factor in found if isinstance(factor, factors.Factor))
 
 
-def _clutter_ranges(radar: RadarParameters) -> ClutterRanges:
+def _clutter_ranges(radar: RadarParameters) -> factors.ClutterRanges:
     nearest, farthest = radar.min_range, radar.clutter_max_range
     limits = nearest if nearest < farthest else 0.0, farthest
     table = radar.clutter_density_range, radar.clutter_density
-    return ClutterRanges.of_table("clutter" in radar.learn, limits, table)
+    return factors.ClutterRanges.of_table("clutter" in radar.learn, limits, table)
 
 
-def _clutter_map(radar: RadarParameters) -> ClutterMap:
+def _clutter_map(radar: RadarParameters) -> factors.ClutterMap:
     std = radar.range_std, math.radians(radar.azimuth_std_deg)
     moves, speed = bool(radar.pose.topic), radar.clutter_map_speed
-    grid = GroundGrid.of_noise(*std, radar.max_range) if moves else PolarGrid.of_noise(*std)
-    return ClutterMap(grid, speed=speed)
+    grid = (
+        factors.GroundGrid.of_noise(*std, radar.max_range)
+        if moves
+        else factors.PolarGrid.of_noise(*std)
+    )
+    return factors.ClutterMap(grid, speed=speed)
 
 
 def _visibility(radar: RadarParameters) -> Visibility:
