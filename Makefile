@@ -164,7 +164,7 @@ format: $(VENV)/.ready-test
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
     terminal_radar terminal_radar_by_sector two_terminal_radars two_approach_radars automotive \
-    coastal coastal_ship drones cars_4d air_3d two_slant
+    coastal coastal_ship drones cars_4d air_3d two_slant approach_adsb
 # What the radars of these would send, as ASTERIX, and what a receiver of AIS would.
 RECORDED := two_approach_radars harbour_ais
 HEARD := harbour_ais

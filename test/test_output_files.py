@@ -76,8 +76,9 @@ def test_bag_that_is_not_there_names_those_that_are(tmp_path, monkeypatch):
     with pytest.raises(BagError) as caught:
         resources.bag("four_classes")
     assert str(caught.value) == (
-        "four_classes: no such bag; those shipped are air_3d, autoferry_2, automotive, cars_4d, "
-        "clutter_50, coastal, coastal_ship, drones, harbour_ais, manoeuvring, one_radar, "
+        "four_classes: no such bag; those shipped are air_3d, approach_adsb, autoferry_2, "
+        "automotive, cars_4d, clutter_50, coastal, coastal_ship, drones, harbour_ais, manoeuvring, "
+        "one_radar, "
         "paper_scenario, terminal_radar, terminal_radar_by_sector, three_classes, "
         "two_approach_radars, two_slant, "
         "two_terminal_radars"

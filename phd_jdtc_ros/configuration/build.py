@@ -127,7 +127,8 @@ class TrackerConfig(Tracking):
 
         Slower targets are in the clutter maps of all radars.
         """
-        return min(each.clutter_map_speed if each.clutter_map else 0.0 for each in self.inputs)
+        own = (each.clutter_map_speed if each.clutter_map else 0.0 for each in self.inputs)
+        return min(own, default=0.0)
 
     @property
     def answer_delay_s(self) -> float:

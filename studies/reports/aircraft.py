@@ -1,6 +1,6 @@
 """How much ADS-B improves the tracks of a radar: of aircraft that have it, and of others.
 
-The scenario `approach_adsb` is simulated and tracked twice, with its receiver and without it. The
+The scenario `approach_adsb` is simulated and tracked by its radar, its receiver, and both. The
 radar's biases are known to the tracker, as after `register`, or with `--biased` they are not. An
 estimate belongs to the nearest target, by assignment within `CUTOFF`, at the times of the truth.
 """
@@ -28,7 +28,7 @@ from ..runner import Figures, Goal, Study, StudyError
 
 SCENARIO = Path("config/scenarios/approach_adsb.yaml")
 CUTOFF, SETTLING_S = 1000.0, 60.0  # Metres; estimates are scored from this time on
-RUNS = RADAR, JOINT = "radar", "joint"
+RUNS = RADAR, REPORTS, JOINT = "radar", "reports", "joint"
 EQUIPPED, OTHERS = GROUPS = "equipped", "others"
 # Goals: errors relative to those of the radar alone.
 MOST = {EQUIPPED: 0.2, OTHERS: 1.02}
@@ -52,12 +52,10 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
             own = [bias["range_bias"], 0.0, -bias["azimuth_bias_deg"], 0.0]
             values |= {f"{radar}.biases": own}
         for name in RUNS:
-            sensors = values["sensors"][: len(values["sensors"]) if name == JOINT else 1]
-            kept = {
-                each: value
-                for each, value in values.items()
-                if name == JOINT or not each.startswith("adsb.")
-            }
+            first, last = values["sensors"]
+            sensors = {RADAR: [first], REPORTS: [last], JOINT: [first, last]}[name]
+            others = tuple(f"{each}." for each in {first, last} - set(sensors))
+            kept = {each: value for each, value in values.items() if not each.startswith(others)}
             config = from_arguments.config_of({**kept, "sensors": sensors})
             tracked = track_bag(BagReader(bag), config, Path(directory) / name, f"seed {seed}")
             record = tracked.record()
@@ -81,7 +79,8 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
                     error = place[row] - truth.position[target]
                     squares[EQUIPPED if label in equipped else OTHERS].append(float(error @ error))
             figures[name] = {
-                **{group: float(np.sqrt(np.mean(each))) for group, each in squares.items()},
+                # Aircraft without a transmitter have no reports.
+                **{group: float(np.sqrt(np.mean(each))) for group, each in squares.items() if each},
                 **{f"count_{group}": len(each) for group, each in squares.items()},
                 "switches": switches,
             }
@@ -95,18 +94,19 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 def _tables(figures: Figures) -> Sequence[Table | str]:
     half = figures.get("half_width", {})
-    rows = []
+    rows: list[tuple[str, ...]] = []
+    by_run = [figures[name] for name in RUNS]
     for group in GROUPS:
         width = half.get("ratio", {}).get(group)
         rows.append(
             (
                 group,
-                *(f"{figures[name][group]:.1f} m" for name in RUNS),
+                *(f"{each[group]:.1f} m" if group in each else "-" for each in by_run),
                 f"{figures['ratio'][group]:.3f}" + (f" ± {width:.3f}" if width else ""),
             )
         )
-    rows.append(("switches of numbers", *(f"{figures[name]['switches']:.1f}" for name in RUNS), ""))
-    headings = ("aircraft", "radar alone", "with ADS-B", "ratio")
+    rows.append(("switches of numbers", *(f"{each['switches']:.1f}" for each in by_run), ""))
+    headings = ("aircraft", "radar alone", "ADS-B alone", "both", "both / radar")
     return [runner.table("RMS error, and switches in a run", headings, rows)]
 
 

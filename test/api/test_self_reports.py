@@ -7,6 +7,7 @@ import pytest
 from harbour import KINDS, OK, PARAMETERS, turns
 
 from phd_jdtc_ros import Tracker
+from phd_jdtc_ros.configuration.build import resolve
 
 SCENE = turns(1, 100.0)
 
@@ -71,8 +72,11 @@ def test_reports_need_a_receiver_and_places():
 
 def test_reports_alone_are_tracked():
     _, reports = tables()
-    alone = {name: value for name, value in PARAMETERS.items() if not name.startswith("radar.")}
-    tracker = Tracker(alone | {"sensors": ["ais"]})
+    given = {name: value for name, value in PARAMETERS.items() if not name.startswith("radar.")}
+    alone = given | {"sensors": ["ais"]}
+    # A recording of it can be scored, although no radar has a clutter map.
+    assert resolve(alone).least_speed == 0.0
+    tracker = Tracker(alone)
     whole = tracker.track(None, reports).filtered
     last = whole[whole["time"] == whole["time"].max()]
     assert last["alone"].all()

@@ -44,7 +44,7 @@ DEFINED = sorted(
 )
 ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES | IN_SPACE]
 # Those with a bag of the same name, which `make bags` writes.
-OTHER_BAGS = [*sorted(IN_SPACE), "harbour_ais"]
+OTHER_BAGS = [*sorted(IN_SPACE), "harbour_ais", "approach_adsb"]
 SHIPPED = [*ALL_FILES, *(ROOT / "config" / "scenarios" / f"{name}.yaml" for name in OTHER_BAGS)]
 # Radars that turn have no common scan.
 TURNING = [path for path in ALL_FILES if "terminal" in path.stem]
