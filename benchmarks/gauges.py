@@ -191,8 +191,8 @@ def _count_circles(imports: Mapping[str, set[str]]) -> int:
     return sum(size > 1 for size in Counter(group.tolist()).values())
 
 
-def trace_scan() -> dict[str, float]:
-    """Return the gauges of one scan's path."""
+def trace_scan() -> Trace:
+    """Return the path of one scan."""
     run = simulate(seed=1)
     tracker, table = Tracker(dict(run.parameters) | {"engine": "gaussian"}), run.detections
     columns = {
@@ -210,19 +210,14 @@ def trace_scan() -> dict[str, float]:
     stamps = np.unique(times).tolist()
     for stamp_s in stamps[:WARM_SCANS]:
         update(stamp_s)
-    trace = _Trace()
+    trace = Trace()
     sys.setprofile(trace)
     update(stamps[WARM_SCANS])
     sys.setprofile(None)
-    entered = set(trace.path)
-    return {
-        "files that a scan enters": len(entered),
-        "Python calls in a scan": trace.calls,
-        "returns in a scan": len(trace.path) - len(entered),
-    }
+    return trace
 
 
-class _Trace:
+class Trace:
     """Notes the files of the product that calls and returns of functions pass."""
 
     def __init__(self) -> None:
@@ -230,6 +225,7 @@ class _Trace:
         self.calls = 0
 
     def __call__(self, frame: FrameType, event: str, _: object) -> None:
+        """Note a call or a return, as a profiler."""
         inside = _is_product(frame)
         if event == "call" and inside:
             self.calls += 1
@@ -240,6 +236,16 @@ class _Trace:
                 caller = caller.f_back
             if caller is not None:
                 self._enter(caller)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """The gauges of the path."""
+        entered = set(self.path)
+        return {
+            "files that a scan enters": len(entered),
+            "Python calls in a scan": self.calls,
+            "returns in a scan": len(self.path) - len(entered),
+        }
 
     def _enter(self, frame: FrameType) -> None:
         name = frame.f_code.co_filename
@@ -253,7 +259,7 @@ def _is_product(frame: FrameType) -> bool:
 
 def main() -> int:
     """Print the gauges; return 1 if one exceeds its limit."""
-    figures = count_sources(modules()) | trace_scan()
+    figures = count_sources(modules()) | trace_scan().figures
     table = Table("gauge", box=None, pad_edge=False)
     for title in ("now", "at most"):
         table.add_column(title, justify="right")

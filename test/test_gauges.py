@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -49,7 +50,8 @@ def test_a_gauge_above_its_limit_ends_with_1(
 ) -> None:
     monkeypatch.setattr(gauges, "LIMITS", {"files of the product": 2, "returns in a scan": 3})
     monkeypatch.setattr(gauges, "count_sources", lambda _: {"files of the product": 1})
-    monkeypatch.setattr(gauges, "trace_scan", lambda: {"returns in a scan": 4})
+    trace = SimpleNamespace(figures={"returns in a scan": 4})
+    monkeypatch.setattr(gauges, "trace_scan", lambda: trace)
 
     assert gauges.main() == 1
     assert "too much" in capsys.readouterr().out
