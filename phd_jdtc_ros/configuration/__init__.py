@@ -3,7 +3,7 @@
 ::
 
     dotted names and values
-      |  type and bounds of each             schema
+      |  unknown names, types and bounds     schema
       |  dataclasses that declare them       parameters
       |  kinds of sensors, names in lists    tables
       |  consistency with each other         models, radar_models

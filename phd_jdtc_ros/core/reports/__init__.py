@@ -8,11 +8,12 @@ not". The estimate of a track is the mixture of its own and those of its pairs.
 ::
 
     SelfReports                          types
-      |  split by address and path       sources: ghosts, which are filters of the reports alone
-      |  sources, new pairs              pairs: which begin and end
+      |  sources by address and path     pairs, filters: ghosts, which are of the reports alone
+      |  new pairs                       pairs: which begin and end
       |  reports                         pair_filter: a state with the antenna's offset
-    plots of a look                      looks: the association probabilities of the engine
+    plots of a look, corrected           bias
+      |  the engine's probabilities      looks
       |  owners                          owners: marginals of sources and tracks
       |  silence, dark, doubt            silence, judgement
-    Estimates                            beside: the layer as one value; mixture, smoothing
+    Estimates                            smoothing; beside: the layer as one value
 """
