@@ -46,7 +46,7 @@ WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
     "lines of the product": 78_229,
-    "files of the product": 431,
+    "files of the product": 432,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 12.3,
     f"functions with {MANY} parameters or more": 1,
