@@ -150,9 +150,12 @@ def _elevations(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
     if elevation is None:
         return {}
     known = np.isfinite(elevation)
-    unit = "deg" if np.abs(elevation[known]).max(initial=0.0) > 0.5 * np.pi else "rad"
+    size = np.append(np.abs(elevation[known]), 0.0)
+    unit = "deg" if size.max() > 0.5 * np.pi else "rad"
+    if np.quantile(size, 0.99) > 90.0:
+        unit = "mrad"
     down = up is not None and bool(np.nansum(elevation * up) < 0.0)
-    words = f"down_{unit}" if down else unit
+    words = f"down_{unit}" if down and unit != "mrad" else unit
     return {} if words == "rad" else {"units.elevation": words}
 
 

@@ -321,7 +321,7 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "positions_far": "{count} positions 1000 km or more from the sensor, where single precision "
     "rounds to 0.06 m or more; let the driver subtract a place nearby, and set position to it",
     "elevations_unusable": "{count} elevations beyond the zenith, which are not used; if they are "
-    "in degrees, set {name}.units.elevation to deg",
+    "in degrees or milliradians, set {name}.units.elevation to deg or mrad",
     "elevations_opposite": "{count} elevations outside {name}.fov_elevation_deg or below the floor "
     "of height_prior, whose opposites are not; if they are depression angles, set "
     "{name}.units.elevation to down_rad or down_deg",

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from bag_content import rewrite, write
 
 from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.incoming import recognised
+from phd_jdtc_ros import Tracker
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import from_arguments
@@ -251,6 +253,35 @@ def test_times_and_elevations_are_recognised_by_their_values():
     z = -RHO * np.sin(np.radians(up))
     sonar = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=up, z=z)])
     assert sonar["units.elevation"] == "down_deg"
+    small = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=17.45 * up)])
+    assert small["units.elevation"] == "mrad"
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (lambda elevation: 0.5 * np.pi - elevation, "angles from the zenith"),
+        (lambda elevation: -elevation, "set radar.units.elevation to down_rad or down_deg"),
+        (lambda elevation: elevation, ""),
+    ],
+)
+def test_elevations_in_another_sense_are_named(seen, said):
+    rng, rows = np.random.default_rng(9), []
+    place, speed = rng.uniform(-1500.0, 1500.0, (8, 2)), rng.uniform(-15.0, 15.0, (8, 2))
+    above = rng.uniform(150.0, 400.0, 8)
+    for time in np.arange(0.0, 60.0, 0.5):
+        x, y = (place + time * speed).T
+        level, azimuth = np.hypot(x, y), np.arctan2(y, x)
+        noise = rng.standard_normal((3, 8)) * [[2.0], [0.014], [0.017]]
+        elevation = seen(np.arctan2(above, level) + noise[2])
+        slant = np.hypot(level, above) + noise[0]
+        rows += zip(np.full(8, time), slant, azimuth + noise[1], elevation, strict=True)
+    columns = dict(zip(("time", "range", "azimuth", "elevation"), np.transpose(rows), strict=True))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Tracker({"state": "space"}).fit(columns)
+    texts = [str(each.message) for each in caught]
+    assert any("elevations are from" in text and said in text for text in texts) == bool(said)
 
 
 def test_nothing_set_finds_drones_and_their_heights(tmp_path, capsys):

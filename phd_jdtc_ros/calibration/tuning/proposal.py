@@ -285,6 +285,18 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
         return values.get(f"{radar}.{name}")
 
     yield from _units(found)
+    if found.elevations is not None and not str(now("units.elevation")).startswith("down"):
+        low, high = (math.degrees(edge) for edge in found.elevations.limits)
+        if low > 30.0 and high > 80.0:
+            yield (
+                f"elevations are from {low:.0f} to {high:.0f} degrees above the horizon; if they "
+                "are angles from the zenith, let the driver send 90 degrees minus each"
+            )
+        elif low < -10.0 and high < 1.0:
+            yield (
+                f"elevations are from {low:.0f} to {high:.0f} degrees; if they count downwards, "
+                f"set {radar}.units.elevation to down_rad or down_deg"
+            )
     copies = found.copies
     if copies is not None and copies.delay_s:
         yield (

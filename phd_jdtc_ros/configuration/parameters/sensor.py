@@ -73,16 +73,17 @@ class Units:
     def elevation_rad(self) -> float:
         """The unit of elevations, radians; negative for depression angles."""
         sign = -1.0 if self.elevation.startswith("down") else 1.0
-        return sign * (math.pi / 180.0 if self.elevation.endswith("deg") else 1.0)
+        return sign * _RADIANS[self.elevation.removeprefix("down_")]
 
 
+_RADIANS = {"rad": 1.0, "deg": math.pi / 180.0, "mrad": 1e-3}
 UNITS: Mapping[str, tuple[str, ...]] = {
     "time": tuple(TIME_UNITS),
     "time_reference": ("stamp", "epoch"),
     "amplitude": ("linear", "db"),
     "azimuth": ("rad", "deg"),
     "azimuth_convention": ("enu_ccw", "compass_cw"),
-    "elevation": ("rad", "deg", "down_rad", "down_deg"),
+    "elevation": (*_RADIANS, "down_rad", "down_deg"),
 }
 
 

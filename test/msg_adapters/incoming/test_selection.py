@@ -355,13 +355,14 @@ def test_detection_with_an_impossible_elevation_is_kept_without_it(bad, unusable
     assert_allclose(found.detections.noise_std, [[NAN] * 3, [NAN, NAN, UNKNOWN_STD]])
     if unusable:
         (said,) = anomalies.of(radar(), found.anomalies)
-        assert "radar_1.units.elevation to deg" in said
+        assert "radar_1.units.elevation to deg or mrad" in said
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg", "down_rad", "down_deg"])
+@pytest.mark.parametrize("unit", ["rad", "deg", "mrad", "down_rad", "down_deg"])
 def test_elevations_are_in_their_unit_and_sense(unit):
     scale = resolve({"radar_1.units.elevation": unit}).inputs[0].units.elevation_rad
-    assert (scale < 0.0, abs(scale) < 0.02) == ("down" in unit, "deg" in unit)
+    size = {"rad": 1.0, "deg": np.pi / 180.0, "mrad": 1e-3}[unit.removeprefix("down_")]
+    assert scale == pytest.approx(-size if "down" in unit else size)
     points = [(1000.0, 0.1, 0.5 / scale, 0.01 / abs(scale))]
     found = in_space(points, ["de"], elevation_unit=unit, elevation_std_field="de").detections
     assert_allclose(found.measurement, [[1000.0, 0.1, 0.5]], rtol=1e-7)

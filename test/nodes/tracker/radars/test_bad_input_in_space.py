@@ -45,7 +45,8 @@ CASES = {
     "degrees": (
         RADAR,
         lambda rng: polar(rng, lambda rng, count: rng.uniform(5.0, 50.0, count)),
-        "elevations beyond the zenith, which are not used; if they are in degrees, set degrees.",
+        "elevations beyond the zenith, which are not used; if they are in degrees or milliradians, "
+        "set degrees.",
     ),
     "beyond": (
         RADAR,
