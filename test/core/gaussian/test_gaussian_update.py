@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import BIRTHS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of, updated
+from lone import BANDS, BIRTHS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of, updated
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -67,19 +67,9 @@ def test_class_is_detected_as_probably_as_its_band_says():
         {
             **TWO_MOTIONS,
             **UNREDUCED,
-            "classes": ["low", "high"],
+            **BANDS,
             "amplitude": "band",
             "radar.detection_probability": 0.0,
-            **{
-                f"{kind}.{name}": value
-                for kind, band in (("low", [6.0, 12.0]), ("high", [14.0, 25.0]))
-                for name, value in (
-                    ("snr_band_db", band),
-                    ("survival_probability", 1.0),
-                    ("motions", ["cv", "ct"]),
-                    ("mode_transition", [0.9, 0.1, 0.25, 0.75]),
-                )
-            },
         }
     )
     (radar,), classes = config.model.radars, config.model.modes.classes

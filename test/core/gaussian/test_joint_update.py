@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
+from lone import BANDS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -23,18 +23,8 @@ from phd_jdtc_ros.core.window.update import Updated, update
 GIVEN = {
     **TWO_MOTIONS,
     **UNREDUCED,
-    "classes": ["low", "high"],
+    **BANDS,
     "amplitude": "memory",
-    **{
-        f"{kind}.{name}": value
-        for kind, band in (("low", [6.0, 12.0]), ("high", [14.0, 25.0]))
-        for name, value in (
-            ("snr_band_db", band),
-            ("survival_probability", 1.0),
-            ("motions", ["cv", "ct"]),
-            ("mode_transition", [0.9, 0.1, 0.25, 0.75]),
-        )
-    },
     "radar.detection_probability": 0.0,
     "radar.clutter_rate": 40.0,
     "radar.clutter_max_range": 1e4,

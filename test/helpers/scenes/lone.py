@@ -47,6 +47,20 @@ TWO_MOTIONS = {
     "ct.noise_density": 2.0,
     "ct.turn_noise_density": 1e-5,
 }
+# Two classes that move alike and whose amplitudes differ.
+BANDS = {
+    "classes": ["low", "high"],
+    **{
+        f"{kind}.{name}": value
+        for kind, band in (("low", [6.0, 12.0]), ("high", [14.0, 25.0]))
+        for name, value in (
+            ("snr_band_db", band),
+            ("survival_probability", 1.0),
+            ("motions", ["cv", "ct"]),
+            ("mode_transition", [0.9, 0.1, 0.25, 0.75]),
+        )
+    },
+}
 BIRTHS = {
     "detection_births.rates": [0.05],
     "detection_births.std": [35.0, 2e-3],
