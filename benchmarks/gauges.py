@@ -45,8 +45,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_229,
-    "files of the product": 432,
+    "lines of the product": 78_260,
+    "files of the product": 434,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 12.3,
     f"functions with {MANY} parameters or more": 1,
@@ -54,9 +54,9 @@ LIMITS: Mapping[str, float] = {
     "imports of models of the world": 19,
     "public members of Sensor": 29,
     "circles of imports": 0,
-    "files that a scan enters": 73,
+    "files that a scan enters": 74,
     "Python calls in a scan": 1_036,
-    "returns in a scan": 907,
+    "returns in a scan": 914,
 }
 
 
