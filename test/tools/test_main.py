@@ -216,7 +216,7 @@ def test_the_papers_filter_has_its_motion_in_the_reference_scenario():
 def test_the_defaults_are_those_of_surveillance():
     values = resolve(from_arguments.load(CONFIG / "surveillance.yaml")).values
     # Its names of topics, frames and fields are the usual ones, written out.
-    written = ("topic", "frame", "range", "azimuth", "amplitude")
+    written = ("topic", "frame", "range", "azimuth", "amplitude", "azimuth_convention")
     usual = resolve({}).values
     differing = {name for name in values if values[name] != usual.get(name)}
     assert {name.rpartition(".")[2] for name in differing} == {*written}

@@ -81,7 +81,7 @@ parameters:
   sensors: [own]
   own:
     message: {message}
-    units: {azimuth_convention: compass_cw, azimuth: deg, amplitude: db}
+    units: {{azimuth_convention: compass_cw, azimuth: deg, amplitude: db}}
     amplitude_offset_db: -17.0
     fields: {{range: rho, azimuth: theta, amplitude: snr}}
 """

@@ -85,12 +85,13 @@ def beginning_of(usual: Sequence[float], low: float, high: float, whole: bool = 
         found = numbers(given, low, high)
         if found is None or not 1 <= len(found) <= len(usual):
             return None
+        found += usual[len(found) :]
         if not whole:
             return found
-        return [int(each) for each in found] if all(map(float.is_integer, found)) else None
+        return [int(each) for each in found] if all(each == int(each) for each in found) else None
 
     allowed = f"1 to {len(usual)} {noun} from {low:g} to {high:g}; if left out, the {ends} {rest}"
-    return Form(allowed, read, lambda given: (*given, *usual[len(given) :]))
+    return Form(allowed, read, tuple)
 
 
 def is_region(region: Sequence[float]) -> bool:
