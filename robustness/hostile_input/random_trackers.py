@@ -20,7 +20,8 @@ from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, Pipeline, RunEnded, Stepped
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
-from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose, SelfReports
+from phd_jdtc_ros.core.types.reports import ICAO, MMSI
 
 from ..harness.figures import Found, measures, such_as
 
@@ -90,6 +91,13 @@ POSITION: Mapping[str, Sequence[Any]] = {
     "cluster_distance": (0.0, 0.0, 5.0),
     "pose": ("fixed", "fixed", "/odometry"),
 }
+RECEIVER: Mapping[str, Sequence[Any]] = {
+    "kind": ("reports",),
+    "identity": ("mmsi", "icao", "other"),
+    "offset_std": (5.0, 40.0),
+    "obliged": ([], ["x"]),
+    "coverage": ([], [-4e3, -4e3, 4e3, -4e3, 0.0, 5e3]),
+}
 # Optional columns of detections, and those of positions.
 COLUMNS = ("amplitude", "range_rate", "height", "noise_std", "time_s", "code", "address")
 OF_POSITIONS = ("height", "noise_std", "time_s", "address", "velocity", "noise_correlation")
@@ -140,6 +148,8 @@ def configuration(rng: np.random.Generator) -> TrackerConfig:
                 if given["world_origin"]
                 else {f"{name}.position": [east, north]}
             )
+        if rng.random() < 0.4:
+            given |= _drawn(rng, RECEIVER, "told.") | {"sensors": [*given["sensors"], "told"]}
         try:
             return resolve(given)
         except ConfigError:
@@ -241,6 +251,25 @@ def reports(rng: np.random.Generator, config: TrackerConfig) -> Iterator[_Report
         )
 
 
+def _told(rng: np.random.Generator, stamp_ns: int) -> SelfReports:
+    """Return what transmitters say of themselves, some of it unknown, doubled or absurd."""
+    count = int(rng.integers(0, 9))
+    known = np.where(rng.random((count, 4)) < 0.7, 1.0, np.nan)
+    scale = rng.choice([1.0, FIELD, 1e8], (count, 1), p=[0.1, 0.88, 0.02])
+    root = rng.normal(0.0, 20.0, (count, 2, 2))
+    return SelfReports.of(
+        stamp_ns + (rng.normal(0.0, 3e9, count) * rng.choice([0.0, 1.0, 100.0], count)).astype(int),
+        scale * rng.standard_normal((count, 2)),
+        covariance=known[:, :1, None] * (root @ root.swapaxes(1, 2)),
+        velocity=known[:, 1:2] * rng.normal(0.0, SPEED, (count, 2)),
+        heading=known[:, 2] * rng.uniform(-4.0, 4.0, count),
+        interval_s=known[:, 3] * rng.choice([0.0, 2.0, 30.0], count),
+        hull=known[:, 3:] * rng.normal(0.0, 300.0, (count, 3)),
+        address=rng.choice([-1, 77, 78, 79], count),
+        space=rng.choice([MMSI, ICAO], count),
+    )
+
+
 def _take(events: Iterable[Event]) -> int:
     """Return the number of steps; raise for a value that is not finite."""
     steps = 0
@@ -272,6 +301,8 @@ def track(seed: int) -> int:
     for _, sensor, stamp_ns, detections, sector in arriving:
         if config.inputs[sensor].pose.topic and rng.random() < 0.9:
             steps += _pose(rng, pipeline, sensor, stamp_ns)
+        if config.model.receivers and rng.random() < 0.5:
+            steps += _take(pipeline.add_reports(0, _told(rng, stamp_ns)))
         for _ in range(1 if rng.random() < 0.97 else 2):
             events = pipeline.add(sensor, stamp_ns, detections, sector)
             steps += 0 if isinstance(events, Rejection) else _take(events)
