@@ -109,12 +109,14 @@ def _module(path: str) -> ModuleType:
     before = {number: signal.signal(number, lambda *_: os._exit(status)) for number in numbers}
     # Hardly anything that is imported becomes garbage. To look for it takes a tenth of the time of
     # a start, and as long again at each later collection.
+    collects = gc.isenabled()
     gc.disable()
     try:
         module = importlib.import_module(f"phd_jdtc_ros.{path}")
     finally:
         gc.freeze()
-        gc.enable()
+        if collects:
+            gc.enable()
     if not node:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -49,17 +49,21 @@ POSITIONS: Mapping[str, Sequence[str]] = {
 }
 
 
+def is_of_radar(fields: Sequence[str]) -> bool:
+    """Return whether a cloud with these fields has ranges and azimuths."""
+    return _has_all(fields, NAMES, ("fields.range", "fields.azimuth"))
+
+
 def is_of_positions(fields: Sequence[str]) -> bool:
     """Return whether a cloud with these fields has positions, and not both ranges and azimuths."""
+    return _has_all(fields, POSITIONS, ("fields.x", "fields.y")) and not is_of_radar(fields)
+
+
+def _has_all(
+    fields: Sequence[str], names: Mapping[str, Sequence[str]], parameters: Sequence[str]
+) -> bool:
     present = {name.lower() for name in fields}
-    polar, places = (
-        all(present.intersection(names[parameter]) for parameter in parameters)
-        for names, parameters in (
-            (NAMES, ("fields.range", "fields.azimuth")),
-            (POSITIONS, ("fields.x", "fields.y")),
-        )
-    )
-    return places and not polar
+    return all(present.intersection(names[parameter]) for parameter in parameters)
 
 
 def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:

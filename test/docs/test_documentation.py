@@ -190,5 +190,5 @@ def test_drawing_of_the_house_has_the_parts_of_the_contract():
 
     assert packages <= parts
     assert packages <= {*drawn}
-    rooms = {path.name for path in (ROOT / "phd_jdtc_ros" / "core").iterdir() if path.is_dir()}
+    rooms = {path.parent.name for path in (ROOT / "phd_jdtc_ros" / "core").glob("*/__init__.py")}
     assert {*drawn} - packages == rooms

@@ -367,6 +367,8 @@ class Recognition:
     _pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1))
     _search: Future[dict[str, Any] | None] | None = None
     _given_up: bool = False
+    # Sensors that have sent ranges and azimuths: a cloud of theirs without one of these is damaged.
+    _radars: set[int] = field(default_factory=set)
 
     @property
     def sensor(self) -> SensorParameters:
@@ -383,9 +385,12 @@ class Recognition:
         is_radar = isinstance(own, RadarParameters) and own.named_fields
         if not is_radar or self._given_up or not isinstance(message, PointCloud2):
             return False
-        if self.held and self.held[0].sensor != sensor:
+        if sensor in self._radars or (self.held and self.held[0].sensor != sensor):
             return False
-        if not recognised.is_of_positions(point_cloud.field_names(message)):
+        fields = point_cloud.field_names(message)
+        if recognised.is_of_radar(fields):
+            self._radars.add(sensor)
+        if not recognised.is_of_positions(fields):
             return False
         frame = message.header.frame_id
         usual = self.held[0].cloud.header.frame_id if self.held else frame

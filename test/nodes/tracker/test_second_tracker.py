@@ -36,7 +36,7 @@ def holders(peer, topic=CLAIMS):
 
 def test_second_tracker_of_a_name_ends_and_leaves_the_checkpoint(processes, peer, tmp_path):
     path = tmp_path / "tracker.ckpt"
-    own = options(**{"checkpoint.path": path})
+    own = options(**{"checkpoint.path": path, "checkpoint.every": 0})
     first = started(processes, peer, *own)
     radars = connected(peer)
     radars.track(0)

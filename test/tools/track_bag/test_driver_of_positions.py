@@ -78,7 +78,7 @@ def strollers(seed):
 def test_people_who_stand_do_not_hide_how_others_turn(seed):
     detections, truth = strollers(seed)
     tracker = Tracker().fit(detections)
-    assert tracker.parameters["ct.noise_density"] > 0.1
+    assert tracker.parameters["hard.noise_density"] > 0.1
     tracks = tracker.track(detections).filtered
     scores = evaluate(truth, tracks, cutoff=1.5, times=np.unique(truth["time"]))
     assert scores["missed"] < 0.03 * 11

@@ -9,7 +9,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import Health, change, options, reliable, state_of
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import point_cloud, stamps
@@ -151,7 +151,7 @@ class Operator:
     def get(self, *names):
         request = GetParameters.Request(names=names)
         reply = self.peer.call(GetParameters, "/tracker/get_parameters", request)
-        return [value.double_value for value in reply.values]
+        return [parameter_value_to_python(value) for value in reply.values]
 
     def connect(self):
         assert self.peer.spin_until(
@@ -220,7 +220,7 @@ def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     assert operator.set(**never, east__clutter_rate=6).successful
     assert operator.get(*never, "east.clutter_rate") == [[1.0, 1.0], 6.0]
     operator.send(half, half + 2)
-    assert operator.set(**dict.fromkeys(never, 0.0), east__clutter_rate=5.0).successful
+    assert operator.set(existence=[0.0, 0.0], east__clutter_rate=5.0).successful
     assert peer.spin_until(lambda: stamp_of(operator.filtered[-1]) >= STAMPS[half])
     widths = {stamp_of(cloud): cloud.width for cloud in operator.filtered}
     assert widths[STAMPS[half - 2]] == 3
