@@ -40,21 +40,24 @@ from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..snapshot import MAX_INDEX, floats, integers, nested
 from .factor import Factor, Look
-from .prior import MOST_EVIDENCE, RAISED
+from .prior import MOST_EVIDENCE, RAISED, RatioPrior
 from .trials import Alarm, FactorPriors, LearnedFactors, ReportTrials, Trials, TrialSums
 
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
 CELLS = RANGES * AZIMUTHS
+# Weight of the configured probability, in expected detections, so that the first looks alone do not
+# determine the factor.
+PRIOR_WEIGHT = 4.0
+# Priors of the sensor's probability relative to the configured one, and of a cell's relative to the
+# sensor's. That of cells is stricter, because some of many cells differ by chance, and a
+# probability that is a little too high doubles the evidence of a miss.
+SENSOR_PRIOR = RatioPrior(0.5, 0.02, 0.5)
+CELL_PRIOR = RatioPrior(0.9, 0.01, 0.5)
 # Memory, in expected detections: of the sensor's mean, and of each cell.
 MEMORY = 1000.0
 # Bounds of the learned probability: at 1, a target would be deleted at its first miss.
 LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
-# Mean of the configured probability while there are no looks.
-USUAL = 0.9
-# Priors of the sensor's probability, and of a cell's relative to it; some of many cells differ by
-# chance, and a probability that is a little too high doubles the evidence of a miss.
-PRIORS = FactorPriors(0.5, 0.02, 0.9, 0.01, MOST_PROBABILITY)
 # Largest number of remembered detections accepted in a snapshot; a report may add many at once.
 MAX_REMEMBERED = 1e7
 # Changes to detect: ratios of the detection probability to the learned one. In a blind sector it is
@@ -138,13 +141,11 @@ class OpenTrials(ReadOnly):
 class Detection(Factor):
     """Expected and actual detections of known targets, as remembered by cell.
 
-    The configured probability is right within two percent, or wrong, with even odds: the mean p
-    over all looks has a mixture of two Beta distributions, a narrow one about the configured value
-    and a wide one, with the mean 2/3 or, if that is smaller, the configured value. After n looks
-    with h detections both have h and n - h more, and their shares follow from their evidence. So
-    the first misses do not end the tracks from which p could be learned. A cell's probability is
-    learned in the same way about the sensor's. Counts fade with exp(-e / MEMORY) after e expected
-    detections.
+    The true probability is the configured one times a factor. h detections where e were expected
+    show the factor (k + h) / (k + e), with k = `PRIOR_WEIGHT`: for a constant probability this is
+    the mean of a Beta distribution, scaled. Its log has the precision n p / (1 - p) after n looks
+    at targets that are detected with probability p; see `RatioPrior`. A cell's factor is learned in
+    the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
     """
 
     NAME: ClassVar[str] = "detection_factor"
@@ -259,9 +260,10 @@ class Detection(Factor):
         """Factor of the sensor as a whole, its deviation, and the factor of each cell."""
         from .loops import detection_factors
 
-        assumed = min(self.configured, MOST_PROBABILITY) if self.all_looks else USUAL
-        totals = assumed, self.all_looks, self.all_detected
-        return detection_factors(PRIORS, *totals, self.expected, self.detected)
+        assumed = self.configured if self.all_looks else MOST_PROBABILITY
+        priors = FactorPriors(*SENSOR_PRIOR, *CELL_PRIOR, PRIOR_WEIGHT, MOST_PROBABILITY)
+        totals = assumed, self.all_expected, self.all_detected
+        return detection_factors(priors, *totals, self.expected, self.detected)
 
     @property
     def mean(self) -> float:

@@ -42,69 +42,48 @@ def mixture_posterior(
 
 
 @inner
-def _after_looks(
-    right: tuple[float, float],
-    wrong: tuple[float, float],
+def _detection_factor(
+    prior: tuple[float, float, float],
+    bounds: tuple[float, float],
     probability: float,
-    looks: float,
+    expected: float,
     detected: float,
 ) -> tuple[float, float]:
-    """Return the mean and the variance of a probability after looks; see `Detection`.
-
-    `right` has the probability that the assumed `probability` is right, and the deviation of its
-    log then, and `wrong` the parameters of the Beta distribution of a wrong one.
-    """
-    share, scale = right
-    size = (1.0 - probability) / (probability * scale * scale)
-    missed = max(looks - detected, 0.0)
-    hit, miss = probability * size, (1.0 - probability) * size
-    hit_wrong, miss_wrong = wrong
-    log_odds = math.log(share / (1.0 - share)) + _log_beta(hit + detected, miss + missed)
-    log_odds -= _log_beta(hit, miss)
-    log_odds -= _log_beta(hit_wrong + detected, miss_wrong + missed)
-    log_odds += _log_beta(hit_wrong, miss_wrong)
-    is_wrong = 1.0 / (1.0 + math.exp(min(log_odds, 500.0)))
-    total, total_wrong = size + looks, hit_wrong + miss_wrong + looks
-    mean, mean_wrong = (hit + detected) / total, (hit_wrong + detected) / total_wrong
-    variance = mean * (1.0 - mean) / (total + 1.0)
-    variance_wrong = mean_wrong * (1.0 - mean_wrong) / (total_wrong + 1.0)
-    difference = mean_wrong - mean
-    variance += is_wrong * (variance_wrong - variance + (1.0 - is_wrong) * difference**2)
-    return mean + is_wrong * difference, variance
-
-
-@inner
-def _log_beta(hit: float, miss: float) -> float:
-    """Return the logarithm of the Beta function."""
-    return math.lgamma(hit) + math.lgamma(miss) - math.lgamma(hit + miss)
+    """Return the factor of a probability and its deviation; see `detection_factors`."""
+    (right, scale, wide), (prior_weight, most) = prior, bounds
+    shrunk = (prior_weight + detected) / (prior_weight + expected)
+    # The smaller of both probabilities has the lower precision, so that few looks prove little.
+    bounded = min(probability * min(shrunk, 1.0), most)
+    precision = expected / probability * bounded / (1.0 - bounded)
+    mean, variance = _posterior(right, scale, wide, math.log(shrunk), precision)
+    factor = math.exp(mean)
+    return factor, factor * math.sqrt(variance)
 
 
 @compiled
 def detection_factors(
     assumed: FactorPriors,
     probability: float,
-    looks: float,
+    all_expected: float,
     all_detected: float,
     expected: Float1,
     detected: Float1,
 ) -> tuple[float, float, FloatArray]:
     """Return a sensor's factor, its deviation, and the factor of each cell, (K,).
 
-    `probability` is the mean of the configured one over the looks, and the others are the expected
-    and actual numbers of detections of each cell; see `Detection`.
+    The arguments from `all_expected` on are the expected and actual numbers of detections, of the
+    sensor and of each cell; see `Detection`.
     """
-    factors, of_sensor = np.empty(len(expected)), (assumed.right, assumed.scale)
-    of_cell = assumed.cell_right, assumed.cell_scale
-    wrong = 2.0, max(2.0 / probability - 2.0, 1.0)
-    mean, variance = _after_looks(of_sensor, wrong, probability, looks, all_detected)
-    mean = min(mean, assumed.most)
-    wrong = 2.0 * mean, 2.0 * (1.0 - mean)
+    right, scale, wide, cell_right, cell_scale, cell_wide, weight, most = assumed
+    factors, bounds = np.empty(len(expected)), (weight, most)
+    prior, of_cell = (right, scale, wide), (cell_right, cell_scale, cell_wide)
+    mean, std = _detection_factor(prior, bounds, probability, all_expected, all_detected)
     for cell in range(len(expected)):
-        here, seen = mean, expected[cell] / probability
-        if seen > 0.0:
-            here, _ = _after_looks(of_cell, wrong, mean, seen, detected[cell])
-        factors[cell] = here / probability
-    return mean / probability, math.sqrt(variance) / probability, factors
+        relative, _ = _detection_factor(
+            of_cell, bounds, mean * probability, mean * expected[cell], detected[cell]
+        )
+        factors[cell] = mean * relative
+    return mean, std, factors
 
 
 @compiled

@@ -37,13 +37,17 @@ class Trials(NamedTuple):
 
 
 class FactorPriors(NamedTuple):
-    """What is assumed of a detection probability; see `Detection`."""
+    """What is assumed of the factors on a detection probability; see `RatioPrior`."""
 
-    right: float  # Probability that the configured one is right
-    scale: float  # Standard deviation of its log, if it is right
-    # The same of a cell's probability relative to the sensor's.
+    # Prior of the sensor's factor.
+    right: float
+    scale: float
+    wide: float
+    # Prior of a cell's factor relative to the sensor's.
     cell_right: float
     cell_scale: float
+    cell_wide: float
+    weight: float  # Weight of the configured probability, in expected detections
     most: float  # The largest probability
 
 

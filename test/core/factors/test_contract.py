@@ -97,7 +97,7 @@ CASES = (
         from_others=True,
     ),
     Case(CorrelatedMisses(0.5, learned=False), off=CorrelatedMisses(0.0, learned=False)),
-    Case(Detection(RADAR.max_range), changes=True, from_others=True),
+    Case(Detection(RADAR.max_range), from_others=True),
     Case(Learned(THRESHOLD), changes=True),
     Case(Limit(), changes=True),
     Case(Multipath(), changes=True),

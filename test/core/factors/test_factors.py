@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import beta, norm
+from scipy.stats import norm
 
 from phd_jdtc_ros.core.association.evidence import NoiseEvidence
 from phd_jdtc_ros.core.factors.detection import (
@@ -11,7 +11,6 @@ from phd_jdtc_ros.core.factors.detection import (
     LEAST_PROBABILITY,
     MEMORY,
     MOST_PROBABILITY,
-    PRIORS,
     Detection,
     OpenTrials,
 )
@@ -78,37 +77,8 @@ def test_cells_go_by_range_and_azimuth():
     assert Detection(MAX_RANGE).cell(centres()).tolist() == list(range(CELLS))
     cell = Detection(MAX_RANGE).cell(np.array([[np.inf, 0.1], [MAX_RANGE, 0.1]]))
     assert cell.tolist() == [CELLS - AZIMUTHS] * 2
-
-
-def integrated(probability, looks, detected, prior):
-    """Return mean and deviation of a probability by integration; `prior` has that it is right."""
-    grid = (np.arange(400_000) + 0.5) / 400_000
-    size = (1.0 - probability) / (probability * prior.scale**2)
-    narrow = beta.pdf(grid, probability * size, (1.0 - probability) * size)
-    wide = beta.pdf(grid, 2.0, max(2.0 / probability - 2.0, 1.0))
-    density = prior.right * narrow + (1.0 - prior.right) * wide
-    density *= grid**detected * (1.0 - grid) ** (looks - detected)
-    mean = np.average(grid, weights=density)
-    return mean, np.sqrt(np.average((grid - mean) ** 2, weights=density))
-
-
-@pytest.mark.parametrize("configured", [0.3, 0.8])
-@pytest.mark.parametrize(("looks", "detected"), [(1, 0.0), (10, 9.0), (10, 4.5), (200, 90.0)])
-def test_probability_after_looks_is_that_of_numerical_integration(configured, looks, detected):
-    count = np.zeros(CELLS)
-    count[0] = 1.0
-    sums = TrialSums(looks * count, configured * looks * count, detected * count)
-    factor = Detection(MAX_RANGE).after(sums)
-    found = np.array([factor.mean, factor.std]) * configured
-    np.testing.assert_allclose(found, integrated(configured, looks, detected, PRIORS), rtol=1e-4)
-
-
-def test_misses_say_less_before_any_look_than_after_many_that_confirm_the_configured_value():
-    given, sure = np.full(CELLS, CONFIGURED), np.full(CELLS, 20.0)
-    first = Detection(MAX_RANGE)
-    known = first.after(TrialSums(sure, CONFIGURED * sure, CONFIGURED * sure))
-    assert (first.probability(given, centres()) < 0.9 * CONFIGURED).all()
-    np.testing.assert_allclose(known.probability(given, centres()), given, rtol=0.02)
+    given = np.full(CELLS, CONFIGURED)
+    np.testing.assert_allclose(Detection(MAX_RANGE).probability(given, centres()), given)
 
 
 @pytest.mark.parametrize("truth", [0.3, 0.6, 0.9])
