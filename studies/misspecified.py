@@ -173,10 +173,8 @@ def _of_profile(profile: str, factors: Mapping[str, float], seed: int) -> Figure
 
 
 def scaled(value: Any, factor: float) -> Any:
-    """Return a number, or the probabilities of pairs of range and probability, times a factor."""
-    if isinstance(value, Sequence):
-        return [each * factor if index % 2 else each for index, each in enumerate(value)]
-    return value * factor
+    """Return a number, or each of several numbers, times a factor."""
+    return [each * factor for each in value] if isinstance(value, Sequence) else value * factor
 
 
 def truth_of(factors: Mapping[str, float]) -> dict[str, float]:
