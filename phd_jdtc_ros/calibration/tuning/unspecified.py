@@ -26,10 +26,11 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s
     turning = [each.timing.rotation_s for each in found.values() if each.timing.rotation_s]
-    whole = [
-        each.timing.rotation_s
+    # Reports of other radars are later than the first detections of one that takes this long.
+    lasting = [
+        each.timing.rotation_s / max(each.timing.sectors, 1)
         for radar, each in found.items()
-        if each.timing.rotation_s and not each.timing.sectors and timed[radar]
+        if each.timing.rotation_s and timed[radar]
     ]
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
@@ -54,8 +55,8 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         given["height_prior"] = [round_to_std(each, 0.1 * std) for each in (own[0], std, floor)]
     if turning:
         given["estimates_period_s"] = given["interval_s"]
-    if len(found) > 1 and whole:
-        given["reorder_s"] = round_to_std(max(whole), 1e-3 * max(whole))
+    if len(found) > 1 and lasting:
+        given["reorder_s"] = round_to_std(max(lasting), 1e-3 * max(lasting))
     return given | _amplitudes(found)
 
 

@@ -448,6 +448,12 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     assert config.engine == "gaussian"
     assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
     assert config.values["amplitude"] == "none"
+    # A report of a part of a revolution has detections from the time of that part.
+    by_parts = replace(found, timing=replace(found.timing, sectors=8))
+    values = unspecified.parameters(
+        {"tower": by_parts, "other": by_parts}, {"tower": True, "other": True}
+    )
+    assert values["reorder_s"] == pytest.approx(5.0 / 8.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
