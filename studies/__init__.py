@@ -16,6 +16,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     changed_radars  how soon it is noticed that a radar has changed
     calibration     probabilities and covariances beside what is true, on drawn truth
     hard_traffic    aircraft in hard turns, and before a radar of coarse azimuths
+    new_scenes      twelve scenes that nothing was tuned on, beside a JIPDA tracker
     league          trackers side by side on recordings that a manifest names
     tuning_truth    proposals of `tune` beside the simulated values
     space           targets with heights, beside trackers in the plane

@@ -35,6 +35,7 @@ STUDIES = {
     "changed_radars": "changed_radars.STUDY",
     "calibration": "calibration.study.STUDY",
     "hard_traffic": "hard_traffic.STUDY",
+    "new_scenes": "new_scenes.study.STUDY",
     "tuning_truth": "calibration.tuning_truth.STUDY",
     "league": "league.STUDY",
     "conflicts": "conflicts.STUDY",

@@ -28,6 +28,7 @@ from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.targets import Flight, Leg
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study.tracker import estimates_of
 
 from .runner import Figures, Study, figures_table
@@ -132,13 +133,14 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
     given = {**parameters, "seed": seed, "lag": 0, "lag_s": 0.0}
     whole = resolve(given)
     scenario = scene(whole, seed)
-    found, spent_s = estimates_of(scenario, whole, seed)
+    reports = simulate_reports(scenario, whole.radars, seed)
+    found, spent_s = estimates_of(scenario, whole, reports)
     ways = {ONE: found[FILTERED]}
     spent = {"whole": spent_s}
     for margin in (MARGIN, NARROW):
         parts = []
         for side, region in zip(("west", "east"), regions(margin), strict=True):
-            found, spent_s = estimates_of(scenario, _of_region(given, region), seed)
+            found, spent_s = estimates_of(scenario, _of_region(given, region), reports)
             parts.append(found[FILTERED])
             spent.setdefault(side, spent_s)
         pairs = list(zip(*parts, strict=True))

@@ -193,12 +193,12 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         scenario = until(scenario, 60.0 * arguments.minutes)
     truth = [truth_at(scenario, scan) for scan in range(scenario.scans)]
     stamps = [targets.stamp_ns for targets in truth]
-    found, spent_s = tracker.estimates_of(scenario, config, seed)
+    reports = simulate_reports(scenario, config.radars, seed)
+    found, spent_s = tracker.estimates_of(scenario, config, reports)
     points: dict[str, Sequence[PointSet]] = {
         source: tracker.at_stamps(found[source], stamps, 2.0 * scenario.interval_s)
         for source in SOURCES
     }
-    reports = simulate_reports(scenario, config.radars, seed)
     points[PEER] = follow(reports, scenario.radars, stamps)
     figures = {name: figures_of(errors_of(truth, of_one)) for name, of_one in points.items()}
     return {"figures": figures, "cpu_per_update_ms": 1e3 * spent_s / scenario.scans}

@@ -107,7 +107,8 @@ def errors_of_tracks(
 
 
 def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, float]:
-    found, _ = tracker.estimates_of(scenario, config, seed)
+    reports = simulate_reports(scenario, config.radars, seed)
+    found, _ = tracker.estimates_of(scenario, config, reports)
     ends = [end for end in tracker.revolution_ends(scenario) if end >= SETTLING_S]
     truth = [truth_after(scenario, end) for end in ends]
     oldest_s = tracker.OLDEST_REVOLUTIONS * scenario.radars[0].rotation_s

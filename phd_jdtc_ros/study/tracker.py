@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -194,9 +194,10 @@ def track_turning(
     tracks: dict[int, list[PointSet]] = {}
     scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
     for lag in sorted(lag for lag in {*lags, 0} if lag or not any(lags)):
-        own = {"lag": 0, "lag_s": lag * rotation_s}
-        given = {**parameters, "seed": run.seed, **own}
-        found, spent_s = estimates_of(scenario, resolve(given), run.seed)
+        own = {"seed": run.seed, "lag": 0, "lag_s": lag * rotation_s}
+        config = resolve({**parameters, **own})
+        reports = simulate_reports(scenario, config.radars, run.seed)
+        found, spent_s = estimates_of(scenario, config, reports)
         for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
@@ -210,10 +211,9 @@ def _rotation_s(scenario: Scenario) -> float:
 
 
 def estimates_of(
-    scenario: Scenario, config: TrackerConfig, seed: int
+    scenario: Scenario, config: TrackerConfig, reports: Sequence[SimulatedReport]
 ) -> tuple[dict[str, list[Estimates]], float]:
-    """Return the estimates of a seeded run by source, and the CPU time in seconds."""
-    reports = simulate_reports(scenario, config.radars, seed)
+    """Return the estimates of a run by source from its reports, and the CPU time in seconds."""
     found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
     begin = time.process_time()
     for event in _events(config, scenario, reports):
@@ -226,7 +226,7 @@ def estimates_of(
 
 
 def _events(
-    config: TrackerConfig, scenario: Scenario, reports: Iterable[SimulatedReport]
+    config: TrackerConfig, scenario: Scenario, reports: Sequence[SimulatedReport]
 ) -> Iterator[Event]:
     feed = Feed(config, Tally(config))
     poses = iter(scenario.poses())

@@ -1,7 +1,7 @@
 """Other trackers on the same detections: Stone Soup's GM-PHD, nearest neighbour (GNN) and JPDA.
 
-`plot_kalman`, for turning radars, is independent of Stone Soup. The rest of this page describes the
-other peers.
+`plot_kalman`, for turning radars, and `integrated`, a JIPDA tracker with several motions and a
+smoother, are independent of Stone Soup. The rest of this page describes the other peers.
 
 Stone Soup (https://stonesoup.rtfd.io, PyPI ``stonesoup``) is an optional extra: this package can be
 imported without it, and the peers' error message says what to install. Its predictors, updaters,
