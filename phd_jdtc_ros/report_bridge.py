@@ -14,7 +14,7 @@ from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, shared, table
 from phd_jdtc_ros.transponders.batches import WIDE, Batch, columns
 from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
-from phd_jdtc_ros.transport import receiver, udp
+from phd_jdtc_ros.transport import sockets
 
 # Time for which reports are collected to a cloud, seconds; the tracker needs none of them sooner.
 PERIOD_S = 0.5
@@ -67,10 +67,10 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for text in values.get("inputs", []):
         try:
-            receiver.input_of(text)
+            sockets.input_of(text)
         except ValueError as error:
             faults.append(f"inputs: {error}")
-    return [*faults, *udp.interface_faults(values.get("interface", ""))]
+    return [*faults, *sockets.interface_faults(values.get("interface", ""))]
 
 
 def stream(values: Mapping[str, Any], start_ns: int = 0) -> ReportStream:

@@ -20,7 +20,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES, Truth
-from phd_jdtc_ros.evaluation.comparison import PointSet, expected_speed
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
@@ -49,6 +49,21 @@ class Errors(NamedTuple):
     heading: FloatArray  # Estimated minus true heading, clockwise, degrees, (N,)
     turning: FloatArray  # 1 where the flight is in a turn, else 0, (N,)
     expected: int  # Number of updates if every flight always had a track
+
+
+def expected_speed(velocity: FloatArray, covariance: FloatArray | None) -> FloatArray:
+    """Return the expected ground speeds, metres per second, (T,), of uncertain velocities, (T, 2).
+
+    The length of the mean velocity is below the mean speed, because the course is uncertain. The
+    velocity's variance across the course, if known, corrects this to second order.
+    """
+    length: FloatArray = np.hypot(*velocity.T)
+    if covariance is None:
+        return length
+    course = velocity / np.maximum(length, np.finfo(float).tiny)[:, None]
+    across = np.column_stack([-course[:, 1], course[:, 0]])
+    variance = np.einsum("ti,tij,tj->t", across, covariance, across)
+    return np.asarray(np.sqrt(length**2 + variance))
 
 
 class Figure(NamedTuple):

@@ -19,9 +19,8 @@ import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.calibration.registration.common import KINDS
+from phd_jdtc_ros.calibration.registration.common import KINDS, RegistrationError, tracked_radar
 from phd_jdtc_ros.calibration.registration.solution import Registration, register
-from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars

@@ -26,7 +26,7 @@ from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 
 from .. import traffic
 from ..timing import percentiles
@@ -123,10 +123,10 @@ def _bridge(site: _Site) -> list[str]:
     return ["--ros-args", *(word for name in given for word in ("-p", f"{name}:={given[name]}"))]
 
 
-def _free() -> udp.Address:
+def _free() -> sockets.Address:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind((LOOPBACK, 0))
-        return udp.Address(LOOPBACK, sock.getsockname()[1])
+        return sockets.Address(LOOPBACK, sock.getsockname()[1])
 
 
 class _Site:
@@ -134,8 +134,8 @@ class _Site:
 
     def __init__(self, reports: Sequence[SimulatedReport], rotation_s: float) -> None:
         self.radar, self.display = _free(), _free()
-        self._out = udp.sender(self.radar, "")
-        self._in = udp.receiving_socket(self.display, "")
+        self._out = sockets.sender(self.radar, "")
+        self._in = sockets.receiving_socket(self.display, "")
         self._rotation_s = rotation_s
         self._sector_s = rotation_s / traffic.SECTORS
         # Times of the scene to times of now, so that no day is guessed.

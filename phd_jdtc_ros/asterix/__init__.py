@@ -2,8 +2,8 @@
 
 Input: `transport` (recordings, captures, sockets) yields datagrams, `plot_stream` finds their
 data blocks, and `records` decodes the records to `messages`. `assembly` groups plots into sectors
-by the sector crossings; `slices` groups them into slices of time if a radar sends no crossings.
-`clocks` dates the messages. `plot_stream` is the whole path for several radars.
+by the sector crossings, or into slices of time if a radar sends no crossings. `clocks` dates the
+messages. `plot_stream` is the whole path for several radars.
 
 Output: `writing.encoding` packs items into records and blocks, `writing.plots` writes CAT048 and
 CAT034, and `writing.tracks` writes CAT062 and CAT065.

@@ -13,11 +13,10 @@ from phd_jdtc_ros.transponders.transmitters import Transmitters
 from phd_jdtc_ros.transport.network import fits_stamp
 
 from . import records
-from .assembly import LEARNED, Assembler
+from .assembly import LEARNED, Assembler, NoRevolutionFinder, RevolutionFinder, SectorReport
 from .clocks import RadarClock, StreamClock
 from .framing import BLOCK_HEADER, LARGEST_BLOCK
 from .messages import NONE, CallSigns, Message, Plot, PositionMessage, ServiceMessage
-from .slices import NoRevolutionFinder, RevolutionFinder, SectorReport
 from .specification import MalformedError
 
 # Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER

@@ -45,7 +45,7 @@ def read_ads_b(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     """Decode CAT021 from edition 2.0 on."""
     at010, at040, at071, at073, at130, at131, at090, at210, *others = items
     first, second, third = _octets(data, at040, 3)
-    fault = _fault(first & 0x02, second & 0x10, at010, max(at130, at131))
+    fault = fault_of(first & 0x02, second & 0x10, at010, max(at130, at131))
     if fault:
         return fault
     if third & 0x0E:  # The station itself has refused the position: CPR, LDPJ, RCF
@@ -64,7 +64,7 @@ def read_old_ads_b(data: bytes, items: tuple[int, ...], size: int = 4) -> Positi
     """Decode CAT021 of the editions 0.23 to 0.26; the first has latitudes of `size` 3 bytes."""
     at010, at040, at030, at130, at090, *others = items
     first, second = (data[at040], data[at040 + 1]) if at040 >= 0 else (0, 0)
-    fault = _fault(first & 0x08, first & 0x10, at010, at130)
+    fault = fault_of(first & 0x08, first & 0x10, at010, at130)
     if fault:
         return fault
     place = _place(data, at130, size, WGS84 if size == 4 else COARSE)
@@ -104,10 +104,10 @@ def read_multilateration(data: bytes, items: tuple[int, ...]) -> PositionMessage
     """Decode CAT020; its accuracies are those of I020/500, along east and north."""
     at010, at020, at140, at041, at042, at161, at202, at090, at220, at245, at105, at500 = items
     _, second, *_ = _octets(data, at020, 2)
-    fault = _fault(second & 0x80, second & 0x02, at010, max(at041, at042))
+    fault = fault_of(second & 0x80, second & 0x02, at010, max(at041, at042))
     if fault:
         return fault
-    height = _level(data, at090)
+    height = read_level(data, at090)
     if math.isnan(height) and at105 >= 0:
         height = _signed(data, at105, 2) * ALTITUDE_UNIT
     x_std = y_std = UNKNOWN_STD
@@ -123,7 +123,7 @@ def read_surface(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     """Decode a surface movement report of CAT010 that has no range and azimuth."""
     at010, at020, at140, at041, at042, at161, at202, at090, at220, at245, at500 = items
     first, second, *_ = _octets(data, at020, 2)
-    fault = _fault(second & 0x20, second & 0x40, at010, max(at041, at042))
+    fault = fault_of(second & 0x20, second & 0x40, at010, max(at041, at042))
     # Types of I010/020 that are positions of transponders, and not radar plots or loops.
     if fault or first >> 5 not in (0, 1, 2, 5):
         return fault or "no_position"
@@ -131,7 +131,7 @@ def read_surface(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     if at500 >= 0:
         x_std, y_std = (QUARTER * data[at500 + k] or UNKNOWN_STD for k in (0, 1))
     heard = _located(data, (at161, at220, at202, at245), _place(data, at041, 4, FINEST))
-    heard = heard._replace(height=_level(data, at090), x_std=x_std, y_std=y_std)
+    heard = heard._replace(height=read_level(data, at090), x_std=x_std, y_std=y_std)
     return _message(data, at010, at140, MULTILATERATION, heard, (at042, 2, 1.0))
 
 
@@ -156,7 +156,7 @@ def read_track(data: bytes, items: tuple[int, ...]) -> PositionMessage | str:
     """Decode another centre's track of CAT062, by its number; extrapolated ones are left out."""
     at010, at070, at105, at100, at185, at380, at040, at080, *heights, at245, at500 = items
     at136, at130, at135 = heights
-    fault = _fault(0, 0, at010, max(at105, at100))
+    fault = fault_of(0, 0, at010, max(at105, at100))
     if fault:
         return fault
     status = _octets(data, at080, 4)
@@ -233,8 +233,11 @@ def _message(
     return PositionMessage(_unsigned(data, at010, 2), time, DAY, source, heard, x, y)
 
 
-def _fault(monitor: int, test: int, source: int, position: int) -> str:
-    """Return the reason for skipping a record, empty for none; see `records`."""
+def fault_of(monitor: int, test: int, source: int, position: int) -> str:
+    """Return the reason for skipping a record, empty for none.
+
+    `monitor` and `test` are bits of its descriptor, `source` and `position` beginnings of items.
+    """
     if monitor:
         return "field_monitor"
     if test:
@@ -281,9 +284,12 @@ def _velocity(data: bytes, at: int) -> tuple[float, float]:
     return math.hypot(east, north), math.degrees(math.atan2(east, north)) % 360.0
 
 
-def _level(data: bytes, at: int) -> float:
+def read_level(data: bytes, at: int) -> float:
     """Return a flight level in metres; NaN if it is absent, garbled or not validated."""
-    if at < 0 or data[at] & 0xC0:
-        return math.nan
+    return math.nan if at < 0 or data[at] & 0xC0 else read_quarters(data, at)
+
+
+def read_quarters(data: bytes, at: int) -> float:
+    """Return a signed 14-bit number of quarters of a flight level, in metres."""
     quarters = (data[at] & 0x3F) << 8 | data[at + 1]
     return QUARTER_LEVEL * (quarters - 2**14 if quarters & 0x2000 else quarters)

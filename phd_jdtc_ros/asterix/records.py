@@ -24,7 +24,6 @@ from .messages import (
     NONE,
     NORTH,
     PRIMARY,
-    QUARTER_LEVEL,
     ROLL_CALL,
     SECONDARY,
     SECTOR,
@@ -36,6 +35,7 @@ from .messages import (
     Plot,
     ServiceMessage,
 )
+from .positions import fault_of, read_level, read_quarters
 from .specification import Layout, MalformedError, layouts
 
 Items: TypeAlias = "tuple[int, ...]"
@@ -128,19 +128,6 @@ def _code(data: bytes, at: int) -> int:
     return (data[at] & 0x0F) << 8 | data[at + 1]
 
 
-def _level(data: bytes, at: int) -> float:
-    """Return a flight level in metres; NaN if it is garbled or not validated."""
-    if at < 0 or data[at] & 0xC0:
-        return math.nan
-    return _quarters(data, at)
-
-
-def _quarters(data: bytes, at: int) -> float:
-    """Return a signed 14-bit number of quarters of a flight level, in metres."""
-    quarters = (data[at] & 0x3F) << 8 | data[at + 1]
-    return QUARTER_LEVEL * (quarters - 2**14 if quarters & 0x2000 else quarters)
-
-
 def _address(data: bytes, at: int) -> int:
     if at < 0:
         return NONE
@@ -154,28 +141,13 @@ def _descriptor(data: bytes, at: int) -> tuple[int, int]:
     return data[at], data[at + 1] if data[at] & 1 else 0
 
 
-def _fault(undetected: bool, monitor: int, test: int, radar: int, position: int) -> str:
-    """Return the reason for skipping a plot, empty for none.
-
-    `monitor` and `test` are bits of its descriptor, `radar` and `position` beginnings of items.
-    """
-    if undetected:
-        return "no_detection"
-    if monitor:
-        return "field_monitor"
-    if test:
-        return "test_target"
-    if radar < 0:
-        return "no_radar"
-    return "no_position" if position < 0 else ""
-
-
 def _monoradar(data: bytes, items: Items) -> Plot | str:
     at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = items
     first, second = _descriptor(data, at020)
     detection_type = first >> 5
-    undetected = at020 >= 0 and detection_type == NO_DETECTION
-    fault = _fault(undetected, first & 0x02, second & 0x80, at010, max(at040, at042))
+    if at020 >= 0 and detection_type == NO_DETECTION:
+        return "no_detection"
+    fault = fault_of(first & 0x02, second & 0x80, at010, max(at040, at042))
     if fault:
         return fault
     if at040 >= 0:
@@ -183,9 +155,9 @@ def _monoradar(data: bytes, items: Items) -> Plot | str:
         azimuth = _word(data, at040 + 2) * AZIMUTH_UNIT
     else:
         distance, azimuth = _of_plane(data, at042)
-    height = _level(data, at090)
+    height = read_level(data, at090)
     if at110 >= 0 and math.isnan(height):
-        height = _quarters(data, at110)
+        height = read_quarters(data, at110)
     return Plot(
         _word(data, at010),
         _time_of_day(data, at140),
@@ -229,7 +201,9 @@ def _old_monoradar(data: bytes, items: Items) -> Plot | str:
     at010, at020, at040, at070, at090, at131, at141 = items
     first, second = _descriptor(data, at020)
     detection_type = first >> 4 & 3
-    fault = _fault(at020 >= 0 and not detection_type, first & 0x02, second & 0x80, at010, at040)
+    if at020 >= 0 and detection_type == NO_DETECTION:
+        return "no_detection"
+    fault = fault_of(first & 0x02, second & 0x80, at010, at040)
     if fault:
         return fault
     power = math.nan if at131 < 0 else float(_signed(data[at131]))
@@ -239,7 +213,7 @@ def _old_monoradar(data: bytes, items: Items) -> Plot | str:
         TRUNCATED,
         _word(data, at040) * (NAUTICAL_MILE / 128.0),
         _word(data, at040 + 2) * AZIMUTH_UNIT,
-        _level(data, at090),
+        read_level(data, at090),
         _code(data, at070),
         NONE,
         detection_type,
@@ -263,7 +237,7 @@ def _surface(data: bytes, items: Items) -> Message | str:
     if at040 < 0 and max(others[3], others[4]) >= 0:
         return positions.read_surface(data, tuple(others))
     first, second = _descriptor(data, at020)
-    fault = _fault(False, second & 0x20, second & 0x40, at010, at040)
+    fault = fault_of(second & 0x20, second & 0x40, at010, at040)
     if fault:
         return fault
     return Plot(
@@ -272,7 +246,7 @@ def _surface(data: bytes, items: Items) -> Message | str:
         DAY,
         float(_word(data, at040)),
         _word(data, at040 + 2) * AZIMUTH_UNIT,
-        _level(data, at090),
+        read_level(data, at090),
         _code(data, at060),
         _address(data, at220),
         _SURFACE.get(first >> 5, 0) if at020 >= 0 else 0,

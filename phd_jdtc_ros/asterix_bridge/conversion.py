@@ -13,9 +13,9 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters.encoding import RejectedMessageError, names, point_cloud
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix import writing as tracks_out
+from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import ADS_B, NONE, CallSigns, Plot, call_sign_of
 from phd_jdtc_ros.asterix.plot_stream import Cloud, RadarState
-from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.writing import Source, TrackReport
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane

@@ -12,7 +12,7 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.writing import Source
-from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
+from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
@@ -26,7 +26,7 @@ from phd_jdtc_ros.configuration.schema import (
     with_members,
 )
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 
 from .conversion import TrackOutput
 
@@ -214,10 +214,10 @@ def _address_faults(values: Mapping[str, Any]) -> list[str]:
     given += [("output", text) for text in [values.get("output")] if text]
     for name, text in given:
         try:
-            udp.address(text)
+            sockets.address(text)
         except ValueError as error:
             faults.append(f"{name}: {error}")
-    return [*faults, *udp.interface_faults(values.get("interface", ""))]
+    return [*faults, *sockets.interface_faults(values.get("interface", ""))]
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:

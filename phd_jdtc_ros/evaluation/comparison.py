@@ -207,21 +207,6 @@ class PointSet:
         return LabelledPoints(label, self.position)
 
 
-def expected_speed(velocity: FloatArray, covariance: FloatArray | None) -> FloatArray:
-    """Return the expected ground speeds, metres per second, (T,), of uncertain velocities, (T, 2).
-
-    The length of the mean velocity is below the mean speed, because the course is uncertain. The
-    velocity's variance across the course, if known, corrects this to second order.
-    """
-    length: FloatArray = np.hypot(*velocity.T)
-    if covariance is None:
-        return length
-    course = velocity / np.maximum(length, np.finfo(float).tiny)[:, None]
-    across = np.column_stack([-course[:, 1], course[:, 0]])
-    variance = np.einsum("ti,tij,tj->t", across, covariance, across)
-    return np.asarray(np.sqrt(length**2 + variance))
-
-
 def are_in_space(truth: PointSet, estimate: PointSet) -> bool:
     """Return whether estimates are in space and all true heights are known."""
     if estimate.space_covariance is None or truth.height is None:

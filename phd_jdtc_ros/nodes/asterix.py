@@ -29,9 +29,9 @@ from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 from phd_jdtc_ros.transport.network import Datagram
-from phd_jdtc_ros.transport.receiver import Input
+from phd_jdtc_ros.transport.sockets import Input
 
 from .common import parameters, runtime, topics
 from .common.health import HealthReports, ThrottledWarnings, first, status_of
@@ -195,14 +195,14 @@ class AsterixBridge(ReceivingNode):
 
     def inputs(self) -> tuple[Sequence[Input], str]:
         """See `ReceivingNode.inputs`."""
-        return [udp.address(text) for text in self._values["inputs"]], self._values["interface"]
+        return [sockets.address(text) for text in self._values["inputs"]], self._values["interface"]
 
     def open(self) -> None:
         """See `ReceivingNode.open`; open the output too."""
         output = self._values["output"]
         if output:
             try:
-                self._sender = udp.sender(udp.address(output), self._values["interface"])
+                self._sender = sockets.sender(sockets.address(output), self._values["interface"])
             except OSError as error:
                 raise OSError(error.errno, error.strerror, output) from error
             self.get_logger().info(f"sending to {output}")

@@ -29,8 +29,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
-from phd_jdtc_ros.evaluation.run_scores import ScanScore
+from phd_jdtc_ros.evaluation.run_scores import ORDER, Evaluation, ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.parameter_files.node_tables import CLOUD, EVALUATOR
 from phd_jdtc_ros.parameter_files.sections import ParameterFile

@@ -17,9 +17,8 @@ from msg_adapters.targets import estimates
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.intake.clocks import CLOCK, Clocks
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
-from phd_jdtc_ros.handover import settings, synchroniser
-from phd_jdtc_ros.handover.picture import LATEST_STAMPS, Joint, JointPicture
-from phd_jdtc_ros.handover.synchroniser import Refusal
+from phd_jdtc_ros.handover import picture, settings
+from phd_jdtc_ros.handover.picture import LATEST_STAMPS, Joint, JointPicture, Refusal
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
 
@@ -260,7 +259,7 @@ class HandOver(RunnableNode):
             raise RejectedMessageError(
                 "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
             )
-        reason = synchroniser.fault_of(found)
+        reason = picture.fault_of(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
         self._frame = allowed

@@ -23,7 +23,7 @@ from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.comparison import LONGEST_INTERPOLATION_S
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 from .common import topics as endpoints

@@ -18,9 +18,9 @@ from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transponders import stream
 from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ADSB, AIS
-from phd_jdtc_ros.transport import receiver
+from phd_jdtc_ros.transport import sockets
 from phd_jdtc_ros.transport.network import Datagram
-from phd_jdtc_ros.transport.receiver import Input
+from phd_jdtc_ros.transport.sockets import Input
 
 from .common import parameters, runtime
 from .common.health import HealthReports, first, status_of
@@ -71,7 +71,7 @@ class ReportBridge(ReceivingNode):
 
     def inputs(self) -> tuple[Sequence[Input], str]:
         """See `ReceivingNode.inputs`."""
-        inputs = [receiver.input_of(text) for text in self._values["inputs"]]
+        inputs = [sockets.input_of(text) for text in self._values["inputs"]]
         return inputs, self._values["interface"]
 
     def process(self, received: Datagram) -> Iterator[object]:

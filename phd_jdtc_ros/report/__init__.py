@@ -6,6 +6,6 @@
       |  decode                              load
     Record                                   record
       |  score                               table (terminal, JSON)
-      |  draw                                page (HTML, Plotly), figures and maps (PNG, Matplotlib)
+      |  draw                                page (HTML, Plotly), figures (PNG, Matplotlib)
       |  write the tracks                    track_files (CSV, GeoJSON)
 """

@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
 from phd_jdtc_ros.evaluation.comparison import ALL, PointSet, class_set
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 
 
 @dataclass(frozen=True)

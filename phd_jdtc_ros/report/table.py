@@ -21,8 +21,7 @@ from phd_jdtc_ros.evaluation.accumulator import (
     TRACKS,
     Metric,
 )
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.run_scores import BY_KEY, GLOBAL_METRICS, GROUPS, reduction
+from phd_jdtc_ros.evaluation.run_scores import BY_KEY, GLOBAL_METRICS, GROUPS, Evaluation, reduction
 
 from .record import Sets
 

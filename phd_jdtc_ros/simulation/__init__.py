@@ -8,6 +8,6 @@
     Scenario: targets, turns, radars         scenario, targets
       |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
-      |  for turning radars                  looks, turning_antenna
+      |  for turning radars                  turning_antenna
     SimulatedReport by revolution or sector, with times
 """

@@ -8,7 +8,7 @@ The steps, with the module of each::
       |  plan                                     tasks
     Task: a case, variants that share a filter, and a seed
       |  remaining: tasks without scores          tasks
-      |  run_on_processes, run_on_dask:           execution
+      |  run_on_processes, run_on_dask:           tasks
       |    tasks of dead workers again
       |  perform: simulate, track, score          tasks
       |    scenario and seed: truth, scans        tracker

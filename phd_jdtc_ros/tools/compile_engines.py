@@ -26,7 +26,7 @@ POSITIONS, RADARS_IN_SPACE = (
     f"{CORE}.sensors.of_gaussians.{name}" for name in ("planar", "spatial")
 )
 # The compiled functions of `tune`.
-TUNING = "phd_jdtc_ros.calibration.tuning.likelihood"
+TUNING = "phd_jdtc_ros.calibration.tuning.linking"
 # Nearly all compiled functions, in parts that take about equally long and have few in common.
 PARTS = (
     (f"{CORE}.gaussian.measurement.pair_association",),

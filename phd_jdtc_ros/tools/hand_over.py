@@ -22,7 +22,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.handover import settings, synchroniser
+from phd_jdtc_ros.handover import picture, settings
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
@@ -90,7 +90,7 @@ def _run(path: Path, config: TrackerConfig) -> Record:
     found = load.record(path, config)
     for source in SOURCES:
         for own in found.of_source(source):
-            reason = synchroniser.fault_of(own)
+            reason = picture.fault_of(own)
             if reason is not None:
                 where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
                 raise ConfigError(f"{where}: {reason[1]}")

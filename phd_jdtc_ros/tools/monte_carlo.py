@@ -21,7 +21,7 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study import document, execution, results, tasks
+from phd_jdtc_ros.study import document, results, tasks
 from phd_jdtc_ros.study.definition import KINDS, Kind, Study
 from phd_jdtc_ros.study.document import REFERENCE, Scene
 from phd_jdtc_ros.study.tasks import Outcome, Plan, Store
@@ -72,7 +72,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
 @contextlib.contextmanager
 def _progress(
     console: Console, total: int, store: Store, failures: list[Outcome]
-) -> Iterator[execution.Report]:
+) -> Iterator[tasks.Report]:
     """Yield the callback for outcomes, which stores scores at once and advances the bar."""
     columns = (
         TextColumn("{task.description}"),
@@ -166,10 +166,10 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
     def work(arguments: argparse.Namespace) -> int:
         study, plan = _plan(arguments, kinds)
         if arguments.dask:
-            backend = partial(execution.run_on_dask, address=arguments.dask)
+            backend = partial(tasks.run_on_dask, address=arguments.dask)
         else:
             workers = arguments.workers
-            backend = partial(execution.run_on_processes, workers=workers, busy=busy)
+            backend = partial(tasks.run_on_processes, workers=workers, busy=busy)
         return run(study, plan, arguments.out, backend)
 
     return command.run(parser, argv, work)

@@ -24,13 +24,13 @@ from msg_adapters.incoming import self_reports
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.registration.common import KINDS
-from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration, register
-from phd_jdtc_ros.calibration.registration.tracked_radars import (
+from phd_jdtc_ros.calibration.registration.common import (
+    KINDS,
     RegistrationError,
     tracked_radar,
     tracked_reports,
 )
+from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration, register
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.reports import ReportsParameters
 from phd_jdtc_ros.configuration.schema import ConfigError

@@ -14,7 +14,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.evaluation.evaluation import ORDER, Evaluation
+from phd_jdtc_ros.evaluation.run_scores import ORDER, Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import figures, load

@@ -37,7 +37,7 @@ from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.tracks.manual import Command
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
-from phd_jdtc_ros.evaluation.evaluation import ORDER
+from phd_jdtc_ros.evaluation.run_scores import ORDER
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed import Feed, StepClock
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments

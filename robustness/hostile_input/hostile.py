@@ -14,12 +14,12 @@ import numpy as np
 from msg_adapters.encoding import names
 from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import writing as plots_out
+from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
+from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection

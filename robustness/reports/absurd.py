@@ -35,8 +35,8 @@ from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import SENSORS, SOURCES, Attributes, Detections, Estimates, Pose, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.handover import synchroniser
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
+from phd_jdtc_ros.handover import picture
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments
 
@@ -344,9 +344,9 @@ def _truth(stamp_ns: int) -> Truth:
 def _hand_over(cloud: PointCloud2) -> None:
     """Join the estimates of two trackers, one of which sends a spoilt cloud."""
     found = estimates.from_msg(cloud)
-    if synchroniser.fault_of(found) is not None:
+    if picture.fault_of(found) is not None:
         return
-    picture = JointPicture(REGIONS, 2e3, 0.0, 5.0)
+    joined = JointPicture(REGIONS, 2e3, 0.0, 5.0)
     done = []
     for scan in range(4):
         usual = _estimates(found.stamp_ns + round((scan - 1) * INTERVAL_S * NS))
@@ -355,9 +355,9 @@ def _hand_over(cloud: PointCloud2) -> None:
         for source in SOURCES:
             for tracker in range(2):
                 own = found if scan == 1 and not tracker else usual
-                joined = picture.add(tracker, source, own)
-                done += joined if isinstance(joined, list) else []
-    for _, joint in [*done, *picture.close_all()]:
+                closed = joined.add(tracker, source, own)
+                done += closed if isinstance(closed, list) else []
+    for _, joint in [*done, *joined.close_all()]:
         _publish(joint)
 
 

@@ -40,9 +40,12 @@ from phd_jdtc_ros.core.types import Detections, Estimates, Truth
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
-from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import (
+    SimulatedReport,
+    TurningRadar,
+    plots_with_replies,
+)
 from phd_jdtc_ros.study.tracker import TAXIING, revolution_ends
 
 from ..peers.plot_kalman import follow

@@ -11,8 +11,7 @@ from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
 from phd_jdtc_ros.transport import pcap
 from phd_jdtc_ros.transport.network import Datagram, RecordingError
 from phd_jdtc_ros.transport.pcap import Line
-from phd_jdtc_ros.transport.receiver import MAX_BYTES, Receiver
-from phd_jdtc_ros.transport.udp import Address
+from phd_jdtc_ros.transport.sockets import MAX_BYTES, Address, Receiver
 
 NS = 10**9
 MIDNIGHT = 20_779 * NS_PER_DAY

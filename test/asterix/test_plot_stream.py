@@ -6,9 +6,9 @@ import asterix_records as made
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import DAY, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix_bridge.conversion import UNKNOWN, columns
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 

@@ -4,9 +4,9 @@ from collections import Counter
 
 import pytest
 
-from phd_jdtc_ros.asterix import slices
+from phd_jdtc_ros.asterix import assembly
+from phd_jdtc_ros.asterix.assembly import Slicer
 from phd_jdtc_ros.asterix.messages import DAY, Plot
-from phd_jdtc_ros.asterix.slices import Slicer
 
 NS = 10**9
 BEGIN = 1000 * NS
@@ -102,7 +102,7 @@ def test_slices_go_on_where_times_go_back(slicer):
 
 
 def test_plots_that_wait_are_bounded(slicer, monkeypatch):
-    monkeypatch.setattr(slices, "MAX_PENDING", 100)
+    monkeypatch.setattr(assembly, "MAX_PENDING", 100)
     fed(slicer, [0.0] * 110)
     assert slicer.counts["overflow"] == 10
     assert sum(len(report.plots) for report in slicer.finish()) == 100

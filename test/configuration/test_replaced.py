@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.factors import (
     Outliers,
 )
 from phd_jdtc_ros.core.factors.transponder.height import HeightModel
-from phd_jdtc_ros.evaluation.evaluation import ORDER
+from phd_jdtc_ros.evaluation.run_scores import ORDER
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import input_health, live, settings
 from phd_jdtc_ros.nodes.tracker import outputs as live_outputs

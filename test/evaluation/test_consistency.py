@@ -14,7 +14,7 @@ from phd_jdtc_ros.evaluation.consistency import (
     band,
     mahalanobis2,
 )
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 
 RIGHT = np.array([[900.0, 500.0], [500.0, 400.0]])
 TARGETS, SCANS = 40, 25

@@ -4,7 +4,7 @@ import pytest
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.evaluation.accumulator import Totals, ratio
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.evaluation.tracks import OSPA2_WINDOW
 
 C = 100.0

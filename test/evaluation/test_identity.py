@@ -10,7 +10,7 @@ from phd_jdtc_ros.evaluation.comparison import (
     PointSet,
     TrueTracks,
 )
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
 from phd_jdtc_ros.simulation.targets import Flight, Leg
 

@@ -10,12 +10,10 @@ from phd_jdtc_ros.evaluation.comparison import (
     ALL,
     PairedScan,
     PointSet,
-    expected_speed,
     without_slow,
 )
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metrics import assign, ospa
-from phd_jdtc_ros.evaluation.run_scores import RunScores
+from phd_jdtc_ros.evaluation.run_scores import Evaluation, RunScores
 
 CUTOFF = 100.0
 PLACES = np.array([[0.0, 0.0], [5e3, 0.0], [9e3, 0.0]])
@@ -138,16 +136,6 @@ def test_height_rms_is_that_of_the_pairs_whose_heights_are_known():
 def test_height_rms_has_no_meaning_without_heights(true):
     assert rms(true, np.zeros(3)) is None
     assert rms(np.zeros(3), true) is None
-
-
-def test_the_speed_is_the_mean_of_speeds_whose_courses_differ():
-    rng = np.random.default_rng(5)
-    # The courses of a target at 200 m/s differ by 15 degrees.
-    course = rng.normal(0.3, np.radians(15.0), 20000)
-    velocities = 200.0 * np.column_stack([np.cos(course), np.sin(course)])
-    mean, covariance = velocities.mean(axis=0)[None], np.cov(velocities.T)[None]
-    assert expected_speed(mean, None)[0] == np.hypot(*mean[0]) < 195.0
-    assert expected_speed(mean, covariance)[0] == pytest.approx(200.0, abs=0.5)
 
 
 def found(*places):

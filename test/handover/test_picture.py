@@ -6,8 +6,7 @@ from estimate_sets import of_tracks
 
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Attributes
-from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
-from phd_jdtc_ros.handover.synchroniser import Refusal
+from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture, Refusal
 
 NS = 10**9
 # Parted at x = 0, with an overlap of 10 km on each side.

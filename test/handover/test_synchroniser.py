@@ -5,8 +5,15 @@ import numpy as np
 import pytest
 from estimate_sets import of_tracks
 
-from phd_jdtc_ros.handover.picture import KEPT_S, SERIES, TrackSeries
-from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refusal, too_many
+from phd_jdtc_ros.handover.picture import (
+    KEPT_S,
+    SERIES,
+    TARGETS_OF_A_STAMP,
+    Gathering,
+    Refusal,
+    TrackSeries,
+    too_many,
+)
 
 NS = 10**9
 

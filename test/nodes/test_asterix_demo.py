@@ -22,7 +22,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_fi
 from phd_jdtc_ros.tools.asterix.writing import bridge_parameters
 from phd_jdtc_ros.tools.demo import asterix as asterix_demo
 from phd_jdtc_ros.tools.demo import demo
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "two_approach_radars"
@@ -213,7 +213,7 @@ def test_radars_send_to_one_address_where_there_are_no_groups(monkeypatch):
     def refused(*_):
         raise OSError(errno.ENODEV, "No such device")
 
-    monkeypatch.setattr(udp, "receiving_socket", refused)
+    monkeypatch.setattr(sockets, "receiving_socket", refused)
     assert asterix_demo.input_address().host == asterix_demo.LOOPBACK
 
 

@@ -5,7 +5,7 @@ import pytest
 from records import SCANS, record_of
 
 from phd_jdtc_ros.core.types import Attributes
-from phd_jdtc_ros.report.page import heights, html
+from phd_jdtc_ros.report.page import charts, html
 from phd_jdtc_ros.report.record import RadarSite
 
 
@@ -32,11 +32,11 @@ def vars_of(record):
 
 def test_heights_are_those_of_each_track_over_time():
     record = in_space(record_of(2))
-    tracks = heights.height_lines(record)
+    tracks = charts.height_lines(record)
     assert {round(float(np.nanmean(path.height))) // 100 for path in tracks} == {
         int(number) for found in record.smoothed for number in found.track_id
     }
-    figure = heights.heights_over_time(record, tracks).figure
+    figure = charts.heights_over_time(record, tracks).figure
     assert len(figure.data) == len(tracks)
     assert sum(trace.showlegend for trace in figure.data) == len({t.name for t in figure.data})
     assert max(map(len, (trace.x for trace in figure.data))) <= SCANS
@@ -44,7 +44,7 @@ def test_heights_are_those_of_each_track_over_time():
 
 def test_side_view_has_each_radar_with_a_height_and_the_edges_of_its_beam():
     record = in_space(record_of(2))
-    chart = heights.heights_from_the_side(record, heights.height_lines(record))
+    chart = charts.heights_from_the_side(record, charts.height_lines(record))
     limits = [trace for trace in chart.figure.data if trace.name == "limit"]
     assert len(limits) == 2
     assert [trace.y[0] for trace in limits] == [10.0, 10.0]

@@ -5,8 +5,7 @@ import pytest
 from rich.console import Console
 
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS, SET_METRICS
+from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS, SET_METRICS, Evaluation
 from phd_jdtc_ros.report.table import metrics, score_tables, unscored_note
 
 

@@ -12,10 +12,9 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
-from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg, TargetScript
-from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import TurningRadar, plots_of, simulate_reports
 
 ROTATION_S = 4.0
 PARAMETERS = exact(

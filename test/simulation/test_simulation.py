@@ -13,10 +13,13 @@ from phd_jdtc_ros.core.types import UNKNOWN, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.antenna import Antenna
-from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import detect, simulate, simulate_with_sources
-from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import (
+    TurningRadar,
+    plots_with_replies,
+    simulate_reports,
+)
 
 SCENE = reference_scenario()
 RADAR = SCENE.radars[1]

@@ -22,7 +22,7 @@ from phd_jdtc_ros.simulation.scenario import truth_after
 from studies import handover, hard_traffic, misspecified, registration
 from studies.command import main
 from studies.handover import CORE, JOINT, ONE, scene
-from studies.madap import FIGURES, SETTLING_S, errors_of, figures_of, goals_of
+from studies.madap import FIGURES, SETTLING_S, errors_of, expected_speed, figures_of, goals_of
 from studies.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
 from studies.runner import until
 
@@ -312,3 +312,13 @@ def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, caps
     assert list(summary["figures"]) == ["filtered", "smoothed", "plot Kalman"]
     assert summary["figures"]["plot Kalman"]["position error, mean"] < 0.2
     assert len(summary["goals"]) == 10
+
+
+def test_the_speed_is_the_mean_of_speeds_whose_courses_differ():
+    rng = np.random.default_rng(5)
+    # The courses of a target at 200 m/s differ by 15 degrees.
+    course = rng.normal(0.3, np.radians(15.0), 20000)
+    velocities = 200.0 * np.column_stack([np.cos(course), np.sin(course)])
+    mean, covariance = velocities.mean(axis=0)[None], np.cov(velocities.T)[None]
+    assert expected_speed(mean, None)[0] == np.hypot(*mean[0]) < 195.0
+    assert expected_speed(mean, covariance)[0] == pytest.approx(200.0, abs=0.5)

@@ -6,8 +6,7 @@ import pytest
 
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS
+from phd_jdtc_ros.evaluation.run_scores import GLOBAL_METRICS, Evaluation
 from phd_jdtc_ros.study import results as study_results
 from phd_jdtc_ros.study.definition import KINDS, Variant
 from phd_jdtc_ros.study.metrics import VALUES

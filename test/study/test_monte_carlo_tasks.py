@@ -12,7 +12,6 @@ import pytest
 from fatal_tasks import alone, die_of_one, die_once
 from fatal_tasks import tasks as light_tasks
 
-from phd_jdtc_ros.study import execution
 from phd_jdtc_ros.study import tasks as study_tasks
 from phd_jdtc_ros.study.definition import KINDS
 from phd_jdtc_ros.study.tasks import Store, perform
@@ -143,7 +142,7 @@ def test_plan_gives_cases_and_variants_their_shares_of_the_runs(study_file):
 
 
 def on_processes(tasks, report, *work):
-    execution.run_on_processes(tasks, 2, report, *work)
+    study_tasks.run_on_processes(tasks, 2, report, *work)
 
 
 def seeds(outcomes):
@@ -154,7 +153,7 @@ def seeds(outcomes):
 def test_dask_workers_do_what_perform_does(cluster, tasks):
     """Those of a pool do too: see `test_main_gives_the_same_bytes_however_it_is_run`."""
     found = []
-    execution.run_on_dask(tasks, cluster, found.append)
+    study_tasks.run_on_dask(tasks, cluster, found.append)
     assert seeds(found) == [0, 1]
     for each in found:
         expected = perform(each.task).scores["corrected"].values
@@ -164,7 +163,7 @@ def test_dask_workers_do_what_perform_does(cluster, tasks):
 def test_dask_runs_a_dead_workers_tasks_again(cluster, tmp_path):
     found = []
     work = partial(die_once, tmp_path / "died", 1)
-    execution.run_on_dask(light_tasks(5), cluster, found.append, work)
+    study_tasks.run_on_dask(light_tasks(5), cluster, found.append, work)
     assert (tmp_path / "died").exists()
     assert seeds(found) == [0, 1, 2, 3, 4]
 
@@ -172,17 +171,17 @@ def test_dask_runs_a_dead_workers_tasks_again(cluster, tmp_path):
 def test_run_on_processes_leaves_a_processor_to_what_takes_it(tmp_path):
     found = []
     work = partial(alone, tmp_path / "active")
-    execution.run_on_processes(light_tasks(4), 2, found.append, work, busy=lambda: 1)
+    study_tasks.run_on_processes(light_tasks(4), 2, found.append, work, busy=lambda: 1)
     assert seeds(found) == [0, 1, 2, 3]
     # However much is taken, one worker goes on.
-    execution.run_on_processes(light_tasks(1), 1, found.append, work, busy=lambda: 1)
+    study_tasks.run_on_processes(light_tasks(1), 1, found.append, work, busy=lambda: 1)
     assert seeds(found) == [0, 0, 1, 2, 3]
 
 
 def test_run_on_processes_runs_lost_tasks_again_and_gives_up_on_the_guilty_one_alone(
     monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(execution, "TRIES", 2)
+    monkeypatch.setattr(study_tasks, "TRIES", 2)
     found = []
     work = partial(die_of_one, 1, tmp_path / "died", 3)
     on_processes(light_tasks(4), found.append, work)

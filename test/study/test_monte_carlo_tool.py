@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.study import execution, figures
+from phd_jdtc_ros.study import figures
 from phd_jdtc_ros.study import tasks as study_tasks
 from phd_jdtc_ros.study.definition import FIGURES
 from phd_jdtc_ros.study.tasks import HEADER
@@ -34,7 +34,7 @@ def in_process(monkeypatch):
         for task in pending:
             report(study_tasks.perform(task))
 
-    monkeypatch.setattr(execution, "run_on_processes", run_here)
+    monkeypatch.setattr(study_tasks, "run_on_processes", run_here)
 
 
 @pytest.fixture
@@ -212,6 +212,6 @@ def test_main_runs_on_dask(cluster, start):
 
 def test_main_refuses_a_dask_address_that_does_not_answer(start, monkeypatch, capsys):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(execution, "DASK_TIMEOUT_S", 1)
+    monkeypatch.setattr(study_tasks, "DASK_TIMEOUT_S", 1)
     assert start("--dask", "tcp://127.0.0.1:9")[0] == 2
     assert "--dask: 'tcp://127.0.0.1:9' given" in capsys.readouterr().err

@@ -1,13 +1,12 @@
 """Registration: estimates the biases of radars from targets that several of them detect.
 
-    plots of each radar -> tracked_radars -> common (targets of several radars)
-      -> filtering (targets and biases jointly) -> solution
+    plots of each radar -> tracks -> common targets -> filter (targets and biases) -> solution
 
-`tracked_radars` links each radar's plots to tracks. `common` finds the tracks of different radars
-that belong to one target, and sorts the plots of every target by time. `filtering` smooths the
-targets, and computes in the same pass the sensitivity of the innovations to all biases; the biases
-are the least squares `solution`, which also determines which biases a recording can show. `monitor`
-checks a running tracker for biases that appear later.
+`common` links each radar's plots to tracks, finds the tracks of different radars that belong to one
+target, and sorts the plots of every target by time. Its filter smooths the targets, and computes in
+the same pass the sensitivity of the innovations to all biases; the biases are the least squares
+`solution`, which also determines which biases a recording can show. `monitor` checks a running
+tracker for biases that appear later.
 
 References
 ----------

@@ -15,15 +15,16 @@ from .common import (
     KINDS,
     UNITS,
     Pass,
+    RegistrationError,
     Sequences,
     Target,
+    TrackedRadar,
     Trajectories,
     common_targets,
     filter_targets,
     sequences,
     smooth_targets,
 )
-from .tracked_radars import RegistrationError, TrackedRadar
 
 # A bias is not observable if its standard deviation exceeds this share of one plot's.
 OBSERVABLE_SHARE = 0.5
@@ -185,7 +186,6 @@ class Registration:
     # Why the bias of another radar is unobservable, by radar and kind.
     hidden: dict[tuple[str, str], str]
     tracks: int  # Number of common tracks
-    density: float  # Spectral density of the targets' white acceleration, m^2/s^3
 
 
 @dataclass(frozen=True)
@@ -369,7 +369,6 @@ def _registration(
         found.observability.common,
         dict.fromkeys(names, hidden_reason(radars, found.plots)),
         len(found.targets),
-        found.density,
     )
 
 

@@ -12,11 +12,10 @@ from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
-from .copies import Copies, find_copies
-from .levels import Levels, clutter_ranges, levels, log_target_ratio
 from .noise import Noise, agreeing, find_outliers, fit_noise
-from .plots import Plots, sectors
+from .plots import Plots, Timing, sectors, timing_of
 from .rates import (
+    Copies,
     Elevations,
     Field,
     Rate,
@@ -28,15 +27,25 @@ from .rates import (
     elevations,
     ends,
     field_of,
+    find_copies,
     looks_of,
     outside_land,
     side_by_side,
     velocities,
     without_neighbours,
 )
-from .rotation import Timing, timing_of
-from .start import first_guess, guess_of
-from .tracks import LinkModel, NoiseModel, Tracks, link_plots
+from .tracks import (
+    Levels,
+    LinkModel,
+    NoiseModel,
+    Tracks,
+    clutter_ranges,
+    first_guess,
+    guess_of,
+    levels,
+    link_plots,
+    log_target_ratio,
+)
 
 # The speed of slow targets: this quantile of the moving ones, each less SURE_SIGMA deviations.
 SLOW, SURE_SIGMA = 0.1, 2.0

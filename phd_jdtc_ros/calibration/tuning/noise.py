@@ -237,7 +237,7 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray) -> FloatArray:
     azimuth, of the lower density, and of the ratio of the higher density to it.
     """
     # Numba is loaded with the loops when they are needed.
-    from .likelihood import Plots, Points, filter_tracks
+    from .linking import Plots, Points, filter_tracks
 
     variance = np.exp(2.0 * points[:, :2])
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))

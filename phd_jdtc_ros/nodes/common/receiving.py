@@ -19,7 +19,7 @@ from sensor_msgs.msg import PointCloud2
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.transport.network import Datagram
-from phd_jdtc_ros.transport.receiver import Input, Receiver
+from phd_jdtc_ros.transport.sockets import Input, Receiver
 
 from . import topics
 from .health import Rises

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from msg_adapters.outgoing.outputs import STREAMS, View
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Estimates, Pose
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 
 # Time after which a connection is tried again, seconds.
 RETRY_S = 5.0
@@ -33,7 +33,7 @@ class Destination(NamedTuple):
 
     form: str  # The stream's format, see `Stream.form`
     scheme: str  # udp, tcp, or listen for a port at which TCP clients connect
-    address: udp.Address
+    address: sockets.Address
 
     def __str__(self) -> str:
         return f"{self.form}+{self.scheme}://{self.address}"
@@ -45,7 +45,7 @@ def destination(text: str) -> Destination:
     scheme, _, place = rest.partition("://")
     forms = list(dict.fromkeys(row.form for row in STREAMS))
     with suppress(ValueError):
-        found = Destination(form, scheme, udp.address(place))
+        found = Destination(form, scheme, sockets.address(place))
         group = found.address.multicast
         by_udp = scheme == "udp" and form in [row.form for row in STREAMS if row.datagrams]
         if form in forms and (by_udp or (scheme in ("tcp", "listen") and not group)):
@@ -97,7 +97,7 @@ class Link:
             self._server = await asyncio.start_server(self._serve, sock=self._port)
         else:
             made = asyncio.get_running_loop().create_datagram_endpoint(
-                asyncio.DatagramProtocol, sock=udp.sender(self.where.address, "")
+                asyncio.DatagramProtocol, sock=sockets.sender(self.where.address, "")
             )
             self._open.add((await made)[0])
             self.fault = ""

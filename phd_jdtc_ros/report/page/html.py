@@ -20,11 +20,11 @@ from plotly.offline import get_plotlyjs
 
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.report.style import Clock
 
 from ..record import Record
-from . import heights, words
+from . import charts, words
 from .charts import Chart, class_probabilities, numbers, ospa, times
 from .layers import AMPLITUDE_SCALES, pack
 from .picture import Picture, picture_of
@@ -49,10 +49,10 @@ def charts_of(record: Record, evaluation: Evaluation) -> list[Chart]:
     # A single class has probability 1 throughout.
     if estimated and not record.sets.one_class:
         found.append(class_probabilities(record, evaluation))
-    if tracks := heights.height_lines(record):
-        found.append(heights.heights_over_time(record, tracks))
+    if tracks := charts.height_lines(record):
+        found.append(charts.heights_over_time(record, tracks))
         if any(math.isfinite(site.height) and site.elevations for site in record.radars):
-            found.append(heights.heights_from_the_side(record, tracks))
+            found.append(charts.heights_from_the_side(record, tracks))
     return found
 
 

@@ -24,7 +24,7 @@ from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.parts import is_mcap
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter
-from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions
+from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser

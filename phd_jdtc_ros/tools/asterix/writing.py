@@ -31,9 +31,8 @@ from phd_jdtc_ros.core.intake.revolutions import Revolutions
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 from phd_jdtc_ros.simulation.antenna import Sending
-from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import TurningRadar, plots_with_replies
 from phd_jdtc_ros.transport import pcap
 
 # SAC of radars without an identifier in the bridge's parameters; their SIC is their index from 1.

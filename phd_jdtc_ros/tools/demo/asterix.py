@@ -20,8 +20,8 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import FILTERED
-from phd_jdtc_ros.transport import receiver, udp
-from phd_jdtc_ros.transport.udp import Address
+from phd_jdtc_ros.transport import sockets
+from phd_jdtc_ros.transport.sockets import Address
 
 from ..asterix.writing import bridge_parameters
 from . import processes
@@ -53,13 +53,13 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
     sentences = recording(bag, SENTENCES) if config.receivers else None
 
     def play(nodes: Processes) -> bool:
-        sockets = {
+        connection = {
             "inputs": f"['{where}']",
             "interface": LOOPBACK,
             "output": f"'{tracks.address}'",
             "replayed": True,
         }
-        nodes.start(BRIDGE, [], {**bridge_parameters(config), **sockets})
+        nodes.start(BRIDGE, [], {**bridge_parameters(config), **connection})
         # The subscribers are the tracker and the evaluator, which records.
         ready = [f"{names.detections(radar.name)}: 2 subscribers" for radar in config.inputs]
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
@@ -67,7 +67,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         if sentences is not None:
             own = {"inputs": f"['{heard_at}']", "interface": LOOPBACK, "replayed": True}
             nodes.start(REPORTS, [], own)
-            ready = [f"{receiver.topic}: 1 subscribers" for receiver in config.receivers]
+            ready = [f"{each.topic}: 1 subscribers" for each in config.receivers]
             if not all(nodes.wait_for(REPORTS, text) for text in ready):
                 return False
         sent = ["--recording", str(recording(bag)), "--send", str(where)]
@@ -90,7 +90,7 @@ class TrackFile:
     """Receives a bridge's datagrams at `address` and writes them to a file, within the context."""
 
     def __init__(self, path: Path) -> None:
-        self._socket = udp.receiving_socket(Address(LOOPBACK, 0), "")
+        self._socket = sockets.receiving_socket(Address(LOOPBACK, 0), "")
         self.address = Address(*self._socket.getsockname())
         self.outputs = 0  # Number of complete ones
         self._file = path.open("wb")
@@ -116,9 +116,9 @@ class TrackFile:
 
     def _receive(self) -> None:
         while not self._stopped.is_set():
-            if not select.select([self._socket], [], [], receiver.POLL_S)[0]:
+            if not select.select([self._socket], [], [], sockets.POLL_S)[0]:
                 continue
-            data = self._socket.recv(receiver.LARGEST)
+            data = self._socket.recv(sockets.LARGEST)
             self._file.write(data)
             # An output ends with the data block of the tracker's own state.
             self.outputs += data[0] == STATUS_CATEGORY
@@ -140,7 +140,10 @@ def input_address() -> Address:
 def _loops(group: Address) -> bool:
     """Return whether datagrams to a group on the loopback interface arrive."""
     try:
-        with udp.receiving_socket(group, LOOPBACK) as inp, udp.sender(group, LOOPBACK) as out:
+        with (
+            sockets.receiving_socket(group, LOOPBACK) as inp,
+            sockets.sender(group, LOOPBACK) as out,
+        ):
             out.send(b"?")
             return bool(select.select([inp], [], [], LOOK_S)[0])
     except OSError:

@@ -33,7 +33,7 @@ from phd_jdtc_ros.nodes.common import parameters, runtime, topics
 from phd_jdtc_ros.nodes.playback import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay import SensorReplay
 from phd_jdtc_ros.parameter_files import from_arguments, node_tables
-from phd_jdtc_ros.transport import pcap, udp
+from phd_jdtc_ros.transport import pcap, sockets
 from phd_jdtc_ros.transport.network import RecordingError
 
 from ..asterix.writing import bridge_parameters
@@ -111,8 +111,8 @@ def _sentences(topic: str, path: Path) -> Iterator[BagMessage]:
 class UdpOutput:
     """Sends to a bridge in the place of a publisher."""
 
-    def __init__(self, where: udp.Address) -> None:
-        self._sender = udp.sender(where, LOOPBACK)
+    def __init__(self, where: sockets.Address) -> None:
+        self._sender = sockets.sender(where, LOOPBACK)
 
     def publish(self, data: bytes) -> None:
         """Send a datagram."""
@@ -169,9 +169,9 @@ def main(argv: Sequence[str]) -> int:
     name = "asterix_player"
     parser = ArgumentParser(name, description=__doc__)
     parser.add_argument("--recording", type=Path, required=True, help="of ASTERIX")
-    parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
+    parser.add_argument("--send", required=True, type=sockets.address, metavar="HOST:PORT")
     parser.add_argument("--sentences", type=Path, help="recording of AIS")
-    parser.add_argument("--send-sentences", type=udp.address, metavar="HOST:PORT")
+    parser.add_argument("--send-sentences", type=sockets.address, metavar="HOST:PORT")
     parser.add_argument("--tracker", type=Path, required=True, help="its parameter file")
     others, _ = parameters.split(name, argv)
     given, flags = parser.parse_known_args(others)

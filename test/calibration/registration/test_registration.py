@@ -13,6 +13,7 @@ from phd_jdtc_ros.calibration.registration.common import (
     ANYWHERE,
     KINDS,
     UNITS,
+    RegistrationError,
     Sequences,
     Trajectories,
     common_targets,
@@ -20,7 +21,6 @@ from phd_jdtc_ros.calibration.registration.common import (
     smooth_targets,
 )
 from phd_jdtc_ros.calibration.registration.solution import analyse, register
-from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 TRUE = SensorBias(80.0, 0.0, -np.radians(0.3), 0.5)

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros import Tracker
-from phd_jdtc_ros.calibration.tuning.copies import find_copies
-from phd_jdtc_ros.calibration.tuning.plots import plots_of
-from phd_jdtc_ros.calibration.tuning.rotation import Timing
+from phd_jdtc_ros.calibration.tuning.plots import Timing, plots_of
+from phd_jdtc_ros.calibration.tuning.rates import find_copies
 from phd_jdtc_ros.core.types import Detections
 
 SECOND, STD, SCANS = 10**9, 1.0, 80

@@ -12,18 +12,19 @@ from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.calibration.tuning import findings as estimation
 from phd_jdtc_ros.calibration.tuning import linking, noise
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.calibration.tuning.levels import log_ratio
 from phd_jdtc_ros.calibration.tuning.noise import Noise, find_outliers, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import (
     DENSE_CLOUDS,
+    PlotRevolutions,
     Plots,
+    Timing,
     limit_plots,
     plots_of,
     sectors,
+    timing_of,
 )
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability, ends
-from phd_jdtc_ros.calibration.tuning.rotation import PlotRevolutions, Timing, timing_of
-from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
+from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots, log_ratio
 from phd_jdtc_ros.core.types import Detections
 
 GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)

@@ -11,9 +11,8 @@ from scenes import small
 
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import plots_of
+from phd_jdtc_ros.calibration.tuning.plots import Timing, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import crowded, outside_land, side_by_side
-from phd_jdtc_ros.calibration.tuning.rotation import Timing
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate

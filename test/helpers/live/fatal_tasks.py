@@ -44,14 +44,14 @@ def alone(active, task):
 
 def interrupt_a_worker_that_sends(marker):
     """Interrupt a pool of three while a worker waits to send the rest of its outcome."""
-    from phd_jdtc_ros.study import execution
+    from phd_jdtc_ros.study import tasks as study_tasks
 
     def report(_):
         wait_for(marker)
         time.sleep(0.5)
         raise KeyboardInterrupt
 
-    execution.run_on_processes(tasks(3), 3, report, partial(_fill_the_pipe, marker))
+    study_tasks.run_on_processes(tasks(3), 3, report, partial(_fill_the_pipe, marker))
 
 
 class _ReadSlowly:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from phd_jdtc_ros.calibration.registration.tracked_radars import tracked_radar
+from phd_jdtc_ros.calibration.registration.common import tracked_radar
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files

@@ -18,7 +18,7 @@ from phd_jdtc_ros.configuration.parameters import node
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 
 KEYS = [
     *("ospa", "localization", "cardinality"),

@@ -24,7 +24,7 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.transport import udp
+from phd_jdtc_ros.transport import sockets
 
 pytestmark = pytest.mark.live
 # The specifications, which take a second.
@@ -67,12 +67,12 @@ class Site:
     def __init__(self, processes, peer, host):
         self.peer = peer
         self.host = host
-        self.port, self.display = free_port(), udp.Address(LOOPBACK, free_port())
+        self.port, self.display = free_port(), sockets.Address(LOOPBACK, free_port())
         self.processes = processes
         self._sockets = []
         self.clouds = peer.collect(PointCloud2, TOPIC, 1000)
         self.health = Health(peer, "/asterix_bridge")
-        self._tracks = udp.receiving_socket(self.display, "")
+        self._tracks = sockets.receiving_socket(self.display, "")
 
     def start(self, *arguments, named=NAMED):
         """Start the bridge and wait until it receives."""
@@ -265,7 +265,7 @@ def test_bridge_stops_and_starts_again_on_request(unicast):
     bridge = partial(change, unicast.peer, node="/asterix_bridge")
     # From here on the address is free, and taken again.
     assert bridge("DEACTIVATE")
-    other = udp.receiving_socket(udp.Address(LOOPBACK, unicast.port), "")
+    other = sockets.receiving_socket(sockets.Address(LOOPBACK, unicast.port), "")
     assert not bridge("ACTIVATE")
     other.close()
     assert bridge("ACTIVATE")

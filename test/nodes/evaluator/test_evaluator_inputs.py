@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.nodes.recorder import ReceivedClouds
 
 FILTERED, SMOOTHED = map(names.estimates, ("filtered", "smoothed"))

@@ -12,9 +12,8 @@ from phd_jdtc_ros.core.factors.clutter.amplitude import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.types import FULL_TURN, Pose
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import TurningRadar, plots_of, simulate_reports
 
 RADAR = exact("mast", 2e4, position=[5.0, 2.0], yaw_deg=-90.0)
 SHIP = {**SHIP, "radars": ["mast"]}

@@ -8,16 +8,15 @@ from contextlib import closing
 
 import pytest
 
-from phd_jdtc_ros.transport import receiver
-from phd_jdtc_ros.transport.receiver import Receiver, Serial, Tcp, input_of
-from phd_jdtc_ros.transport.udp import Address
+from phd_jdtc_ros.transport import sockets
+from phd_jdtc_ros.transport.sockets import Address, Receiver, Serial, Tcp, input_of
 
 LOOPBACK = "127.0.0.1"
 
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
-    monkeypatch.setattr(receiver, "RETRY_S", 0.05)
+    monkeypatch.setattr(sockets, "RETRY_S", 0.05)
 
 
 def server(port=0):
@@ -159,4 +158,4 @@ def test_streams_share_the_bound_of_what_waits():
             there.sendall(bytes(65_535))
         wait(lambda: found.lost)
         kept = sum(len(piece.data) for piece in taken(found, found.waiting))
-    assert 0 < kept <= receiver.MAX_BYTES
+    assert 0 < kept <= sockets.MAX_BYTES

@@ -1,4 +1,4 @@
-"""Receives bytes in a thread: datagrams of UDP, and streams of TCP and of serial lines.
+"""Sockets of UDP, and a thread that receives bytes: datagrams, and streams of TCP and serial lines.
 
 A stream that cannot be opened, or that ends, is opened again after a while, because receivers are
 restarted and unplugged.
@@ -6,6 +6,7 @@ restarted and unplugged.
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import selectors
 import socket
@@ -14,13 +15,100 @@ import termios
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from io import FileIO
 from typing import NamedTuple, Protocol, TypeAlias
 
-from . import udp
 from .network import Datagram
+
+# This option makes Linux report the number of lost datagrams; Python does not define it.
+SO_RXQ_OVFL = 40
+
+
+class Address(NamedTuple):
+    """An IPv4 address and a port."""
+
+    host: str
+    port: int
+
+    @property
+    def multicast(self) -> bool:
+        """Whether it is the address of a multicast group."""
+        return ipaddress.IPv4Address(self.host).is_multicast
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def address(text: str) -> Address:
+    """Parse an address ``HOST:PORT``; raise `ValueError` if the text is not one."""
+    host, _, port = text.rpartition(":")
+    try:
+        ipaddress.IPv4Address(host)
+        number = int(port)
+    except ValueError:
+        number = 0
+    if not 0 < number < 2**16:
+        raise ValueError(
+            f"{text} given, must be an IPv4 address and a port, such as 239.1.1.1:8600"
+        )
+    return Address(host, number)
+
+
+def interface_faults(text: str) -> list[str]:
+    """Return the fault of the address of a network interface, none for an empty text."""
+    try:
+        if text:
+            address(f"{text}:1")
+    except ValueError:
+        return [f"interface: {text} given, must be an IPv4 address"]
+    return []
+
+
+@contextmanager
+def _datagram_socket() -> Iterator[socket.socket]:
+    """Yield a socket that does not block; close it if the block fails."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        sock.setblocking(False)
+        yield sock
+    except OSError:
+        sock.close()
+        raise
+
+
+def receiving_socket(where: Address, interface: str) -> socket.socket:
+    """Return a socket that receives datagrams for a local address, or a multicast group to join.
+
+    `interface` is the address of the network interface that joins a group; empty for the
+    system's choice.
+    """
+    with _datagram_socket() as sock:
+        # Upper bound of unread datagrams in the kernel, bytes.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2**22)
+        if where.multicast:
+            # A group may have several listeners, a local address only one.
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+        sock.bind(where)
+        if where.multicast:
+            group = socket.inet_aton(where.host) + socket.inet_aton(interface or "0.0.0.0")
+            sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+    return sock
+
+
+def sender(where: Address, interface: str) -> socket.socket:
+    """Return a socket that sends to an address; to a group with a hop limit of one."""
+    with _datagram_socket() as sock:
+        if where.multicast:
+            sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
+            if interface:
+                own = socket.inet_aton(interface)
+                sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
+        sock.connect(where)
+    return sock
+
 
 LARGEST = 65_535
 # Upper bounds of unread data in the node, bytes and pieces. They hold what ten radars send in five
@@ -96,7 +184,7 @@ class Serial(NamedTuple):
         return line
 
 
-Input: TypeAlias = "udp.Address | Tcp | Serial"
+Input: TypeAlias = "Address | Tcp | Serial"
 
 
 def input_of(text: str) -> Input:
@@ -121,7 +209,7 @@ def input_of(text: str) -> Input:
             if host and 0 < int(port) < 2**16:
                 return Tcp(host, int(port))
         else:
-            return udp.address(text.removeprefix("udp://"))
+            return address(text.removeprefix("udp://"))
     except ValueError:
         pass
     raise ValueError(f"{text} given, must be {forms}")
@@ -163,10 +251,10 @@ class Receiver:
         self._overflow = self.received = 0
         self.ended: Counter[str] = Counter()  # Ends of connections by input
         self._stopped = threading.Event()
-        self._streams = [_Connection(each) for each in inputs if not isinstance(each, udp.Address)]
+        self._streams = [_Connection(each) for each in inputs if not isinstance(each, Address)]
         try:
             for where in inputs:
-                if isinstance(where, udp.Address):
+                if isinstance(where, Address):
                     self._open(where, interface)
         except OSError:
             self._close_all()
@@ -174,9 +262,9 @@ class Receiver:
         self._thread = threading.Thread(target=self._receive, name="receiver", daemon=True)
         self._thread.start()
 
-    def _open(self, where: udp.Address, interface: str) -> None:
+    def _open(self, where: Address, interface: str) -> None:
         try:
-            sock = udp.receiving_socket(where, interface)
+            sock = receiving_socket(where, interface)
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(where)) from error
         self._selector.register(sock, selectors.EVENT_READ, (sock, str(where)))
@@ -268,7 +356,7 @@ class Receiver:
         with suppress(OSError):
             data, extra, _, source = sock.recvmsg(LARGEST, socket.CMSG_SPACE(_COUNT.size))
             for level, kind, value in extra:
-                if (level, kind) == (socket.SOL_SOCKET, udp.SO_RXQ_OVFL):
+                if (level, kind) == (socket.SOL_SOCKET, SO_RXQ_OVFL):
                     (self._lost_by_kernel[where],) = _COUNT.unpack(value[: _COUNT.size])
             self._keep(data, f"{source[0]} to {where}")
 
