@@ -99,7 +99,7 @@ class Tracking:
     reorder_s: float = parameter(
         0.0,
         "Longest time for which detections wait for other radars' detections of the same time, s. "
-        "Set it to rotation_s for unsynchronised radars that report whole revolutions.",
+        "For unsynchronised radars that turn, set it to the longest time that one report covers.",
         (0.0, 1e3),
     )
     late_reports: str = parameter(
