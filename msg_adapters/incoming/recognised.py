@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -128,8 +129,13 @@ def _of_positions(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
 
 
 def _present(cloud: PointCloud2, names: Sequence[str]) -> list[str]:
-    """Return the cloud's fields with one of the given names, in the order of the names."""
-    own = {name.lower(): name for name in reversed(point_cloud.field_names(cloud))}
+    """Return the cloud's fields with one of the given names, in the order of the names.
+
+    Names may end with a unit: that of azimuths, elevations and times is told by their values.
+    """
+    fields = point_cloud.field_names(cloud)[::-1]
+    own = {re.sub("_(m|mps|rad|deg|s)$", "", name.lower()): name for name in fields}
+    own |= {name.lower(): name for name in fields}
     return [own[name] for name in names if name in own]
 
 

@@ -320,7 +320,7 @@ def _columns_of(columns: Columns, sensor: SensorParameters) -> selection.Columns
             require_column(columns, name)
     for what in place:
         if what not in found:
-            require_column(columns, names[what])
+            require_column(columns, names[what], f"; fields.{what} names another one")
     # The quantities of the place come first.
     return {**{what: found[what] for what in place}, **found}
 

@@ -88,7 +88,8 @@ def evaluate(
     Warns
     -----
     UserWarning
-        If some rows have no label, or that of another row of their time.
+        If some rows have no label, or that of another row of their time, or if the targets of the
+        truth have different times.
     """
     # Largest order p of OSPA and GOSPA.
     most_order = 100.0
@@ -101,9 +102,11 @@ def evaluate(
         _require_finite(table, columns)
     true = _with_numbers(true, zero_is_label=not _zero_is_shared(true))
     found = _with_numbers(found, zero_is_label=False)
-    for table, columns in (("truth", true), ("tracks", found)):
-        if text := _without_identity(columns):
-            warnings.warn(f"{table}: {text}", stacklevel=2)
+    for text in (_apart(true), _without_identity(true)):
+        if text:
+            warnings.warn(f"truth: {text}", stacklevel=2)
+    if text := _without_identity(found):
+        warnings.warn(f"tracks: {text}", stacklevel=2)
     names = _class_names(true, found)
     samples, estimates = _by_stamp(true, names), _by_stamp(found, names)
     known = TrueTracks()
@@ -199,6 +202,24 @@ def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
         none |= label == ("0" if texts else 0)
     _, number = np.unique(label, return_inverse=True)
     return with_column(table, "label", np.where(none, 0, number.reshape(-1) + 1))
+
+
+def _apart(truth: Columns) -> str:
+    """Return the sentence about targets that have times of their own; empty if they share them.
+
+    A target counts as absent where another one has a time and it has none.
+    """
+    if "label" not in truth or not len(truth["label"]):
+        return ""
+    _, at = np.unique(stamps_ns(truth), return_inverse=True)
+    own = [at[truth["label"] == label] for label in np.unique(truth["label"])]
+    present = [len(np.unique(times)) / (1 + np.ptp(times)) for times in own]
+    if np.median(present) > 0.6:
+        return ""
+    return (
+        f"most targets have no row at many of the {at.max() + 1} times, and count as absent there; "
+        "interpolate all of them to common times"
+    )
 
 
 def _without_identity(table: Columns) -> str:

@@ -154,12 +154,11 @@ def numbers(columns: Columns, name: str, column: Column | None = None) -> FloatA
         raise _invalid(name, column, columns, float, "a number") from None
 
 
-def require_column(columns: Columns, name: str) -> Column:
-    """Return a column that must be present; raise `ValueError` if the column is missing."""
+def require_column(columns: Columns, name: str, advice: str = "") -> Column:
+    """Return a column that must be present; raise `ValueError`, with advice, if it is missing."""
     if name not in columns:
-        raise ValueError(
-            f"{name}: the column is missing, the columns are {short(', '.join(columns)) or 'none'}"
-        )
+        present = short(", ".join(columns)) or "none"
+        raise ValueError(f"{name}: the column is missing, the columns are {present}{advice}")
     return columns[name]
 
 
@@ -170,7 +169,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
 
     Raise `ValueError` if the column is missing or contains a value that is not a time.
     """
-    column = require_column(columns, name)
+    column = require_column(columns, name, f"; rename that of the times to {name}")
     if column.dtype.kind in "US" and not _all_numbers(column):
         column = _dates(name, columns)
     elif column.dtype.kind == "O":

@@ -324,9 +324,15 @@ def test_wrong_parameters_are_reported_at_once(parameters, said):
             {"time": [1.0], "range": [2.0]},
             "azimuth: the column is missing, the columns are time, range",
         ),
-        ({"range": [1.0], "azimuth": [2.0]}, "time: the column is missing"),
+        (
+            {"range": [1.0], "azimuth": [2.0]},
+            "time: the column is missing, .* azimuth; rename that of the times",
+        ),
         ({"time": [1.0], "x": [2.0]}, "y: the column is missing, the columns are time, x"),
-        ({"time": [1.0], "azimuth": [2.0], "x": [3.0]}, "range: the column is missing"),
+        (
+            {"time": [1.0], "azimuth": [2.0], "x": [3.0]},
+            "range: the column is missing, .*; fields.range names another one",
+        ),
         (
             {"time": [1.0], "range": [1.0], "azimuth": [0.0], "radar": ["left"]},
             "radar: 'left' in row 1, must be one of radar",

@@ -210,6 +210,11 @@ def test_names_are_recognised_whatever_their_case():
     assert recognised.parameters([cloud(x=RHO, y=RHO, track_id=RHO)]) is None
     many = np.linspace(0.0, 1.0, 2001)
     assert recognised.parameters([cloud(x=many, y=many)]) is None
+    found = recognised.parameters([cloud(range_m=RHO, azimuth_deg=np.degrees(AZIMUTH))])
+    assert (found["fields.range"], found["fields.azimuth"]) == ("range_m", "azimuth_deg")
+    assert found["units.azimuth"] == "deg"
+    found = recognised.parameters([cloud(range_km=RHO, azimuth_deg=AZIMUTH)])
+    assert found is None  # Ranges are in metres
     found = recognised.parameters([cloud(Rho=RHO, THETA=AZIMUTH, SNR=RHO)])
     assert (found["fields.range"], found["fields.azimuth"]) == ("Rho", "THETA")
     assert (found["fields.amplitude"], found["units.amplitude"]) == ("SNR", "db")
