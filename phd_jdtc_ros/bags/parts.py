@@ -24,6 +24,10 @@ CDR = "cdr"
 _SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
 _GZIP = b"\x1f\x8b"
 _LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
+_NO_BAG = (
+    "is not an MCAP file; asterix_bridge converts recordings of ASTERIX, and report_bridge those "
+    "of AIS and ADS-B; tables are for Python, see docs/csv.md"
+)
 _NO_CONVERTER = "no command converts it; docs/offline_tools.md shows how a script does"
 # Description of encodings other than CDR, by their MCAP names.
 _ENCODINGS = {
@@ -113,7 +117,7 @@ def find(path: Path) -> tuple[list[Path], list[str]]:
             raise BagError(f"{path}: no such bag")
         for file in files:
             if not is_mcap(file):
-                raise BagError(f"{file}: {file_fault(file) or 'is not an MCAP file'}")
+                raise BagError(f"{file}: {file_fault(file) or _NO_BAG}")
     return files, missing
 
 

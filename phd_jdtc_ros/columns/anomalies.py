@@ -74,7 +74,8 @@ def is_answered(sensor: SensorParameters, what: str) -> bool:
 
 def no_amplitude(radar: SensorParameters) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
-    return f"no field {radar.fields.amplitude!r}; classification does not use its amplitudes"
+    lack = f"no field {radar.fields.amplitude!r}" if radar.fields.amplitude else "no amplitudes"
+    return f"{lack}; classification does not use its amplitudes"
 
 
 def reparented(count: int = 1) -> str:

@@ -79,7 +79,7 @@ def test_reader_rejects_missing_paths_and_other_files(tmp_path, bag):
     assert "no such bag" in str(error)
     assert not error.corrupt
     error = failure(bag / "metadata.yaml")
-    assert "is not an MCAP file" in str(error)
+    assert "is not an MCAP file; asterix_bridge converts" in str(error)
     assert not error.corrupt
 
 

@@ -15,7 +15,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.messages import ADS_B, MULTILATERATION, TRACKS
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning import proposal
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
@@ -26,11 +26,12 @@ from .. import recorded_plots
 
 # The profile that is adapted, and the prefix of the radar's parameters in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
-# Largest range of a surface movement radar, metres, within which the earth is taken to be flat.
+# Largest range of a radar of an airport's surface or a harbour, metres, within which the earth is
+# taken to be flat, and targets not to be in flight.
 SURFACE_RANGE = 20e3
 # Factors from the farthest and the nearest plot to the largest and the smallest range.
 MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
-# Parameters that are estimated as `tune` does it, from a recording with at least so many tracks.
+# Parameters that are estimated as `tune` does it, from a recording that shows the noise.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
 OVER_RANGE = ("clutter_density", "clutter_density_range")
 # Plausible detection probabilities, and their assumed decrease per metre of range.
@@ -98,25 +99,26 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
     """Set noise, clutter, detection and transponders from the radars' plots in a bag."""
     config = from_arguments.config_of(proposed.values)
     recorded = recorded_plots.read(BagReader(bag), config)
+    near = {s.settings.name for s in states if 0.0 < s.statistics.farthest <= SURFACE_RANGE}
     found: dict[str, Findings] = {}
     for radar, plots in recorded.plots.items():
         try:
             own = None if plots is None else findings(plots)
         except TuningError:
             own = None
-        farthest = next(s.statistics.farthest for s in states if s.settings.name == radar)
-        if 0.0 < farthest <= SURFACE_RANGE:
-            proposed.hints.append(
-                f"{radar} sees {farthest / 1e3:.1f} km: noise, detections, clutter and motions of "
-                f"the profile {PROFILE} are for a long-range radar and may not fit"
-                + ("" if own is None else "; tune proposes others")
-            )
-        min_tracks = 10
-        if own is None or own.tracks < min_tracks:
+        # Two or three aircraft may all be unusual, and 200 plots show the noise within 5 %.
+        min_tracks, min_plots = 4, 200
+        if own is None or own.tracks < min_tracks or own.noise.plots < min_plots:
             proposed.hints.append(
                 f"{radar}: its noise cannot be estimated from {len(plots or ())} plots in "
                 f"{0 if own is None else own.tracks} tracks; that of the profile {PROFILE} is used"
             )
+            if radar in near:
+                proposed.hints.append(
+                    f"{radar} sees less than {SURFACE_RANGE / 1e3:.0f} km: noise, detections, "
+                    f"clutter and motions of the profile {PROFILE} are for a long-range radar and "
+                    "may not fit; record longer"
+                )
             continue
         found[radar] = own
         for row in proposal.rows(own, config.values, radar):
@@ -127,6 +129,12 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
                 proposed.values[f"{radar}.learn"] = [*row.value, "detection"]
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
+    if found and found.keys() <= near:
+        # Ships, vehicles and taxiing aircraft have other speeds and turns than aircraft in flight.
+        measured = unspecified.parameters(found, dict.fromkeys(found, True))
+        densities = [f"{motion}.noise_density" for motion in ("cv", "ct", "hard")]
+        for name in ("detection_births.std", *densities):
+            proposed.set(name, measured[name], "measured: the radar sees less than 20 km")
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]
     false = {radar: own.false_share for radar, own in found.items()}
     _set_equipped_probability(proposed, together, false, config.values["equipped_probability"])
