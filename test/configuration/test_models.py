@@ -94,12 +94,6 @@ def test_the_law_of_clutter_is_that_of_noise_or_learned():
     assert second.clutter_amplitude is NOISE
 
 
-def test_a_spawned_target_has_its_parents_motion_as_a_rule():
-    model = resolve({}).model
-    same = [[0.45, 0.05], [0.05, 0.45]]
-    np.testing.assert_allclose(model.spawn.transition, np.tile(same, (2, 2)))
-
-
 def test_a_spawned_target_has_its_parents_motion_wherever_its_class_lists_it():
     given = {
         "classes": ["a", "b", "c"],
@@ -163,23 +157,6 @@ def test_differences_are_of_given_parts_that_both_scenes_have():
     learned = {**given, "radar_1.learn": ["noise", "detection"]}
     assert differences(recorded, resolve(learned).values) == []
     assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []
-
-
-def test_differences_names_every_parameter_with_both_values():
-    given = resolve(
-        {
-            "classes": ["class_1", "class_0"],
-            "radar_2.clutter_rate": 50.0,
-            "start_4.position": [0.0, 1.0],
-            "class_0.snr_band_db": [40.0, 50.0],
-        }
-    )
-    assert differences(REFERENCE, given.values) == [
-        "radar_2.clutter_rate: 20.0 recorded, 50.0 given",
-        "classes: [class_0, class_1] recorded, [class_1, class_0] given",
-        "class_0.snr_band_db: [30.0, 50.0] recorded, [40.0, 50.0] given",
-        "start_4.position: [1400.0, 8000.0] recorded, [0.0, 1.0] given",
-    ]
 
 
 @pytest.mark.parametrize("name", ["topic", "frame"])

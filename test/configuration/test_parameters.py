@@ -112,15 +112,6 @@ def test_schema_has_the_entries_of_a_mapping_and_defaults_of_faulty_lists():
     assert "radar_1.range_std" in schema({"sensors": 3})
 
 
-def test_schema_has_values_of_the_usual_names():
-    table = schema({})
-    assert table["radar_1.position"].default == [1000.0, 0.0]
-    assert table["class_0.snr_band_db"].default == [30.0, 50.0]
-    assert table["class_1.snr_band_db"].default == [10.0, 30.0]
-    assert table["ct.model"].default == "coordinated_turn"
-    assert table["calm.noise_density"].default < table["cv.noise_density"].default
-
-
 @pytest.mark.parametrize(("name", "parameter"), schema({}).items())
 def test_every_parameter_accepts_its_own_default(name, parameter):
     assert parameter.name == name

@@ -197,12 +197,6 @@ def test_from_arguments_reads_values_as_yaml(assignment, expected):
     assert from_arguments.from_arguments([], [assignment]) == expected
 
 
-@pytest.mark.parametrize("assignment", ["lag", "lag=3", "lag:3", ""])
-def test_from_arguments_refuses_what_is_no_assignment(assignment):
-    found = faults_of(from_arguments.from_arguments, [], [assignment])
-    assert found == [f"-p {assignment}: must be NAME:=VALUE"]
-
-
 @pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])
 def test_from_arguments_refuses_a_value_that_is_no_yaml(assignment):
     (fault,) = faults_of(from_arguments.from_arguments, [], [assignment])

@@ -82,13 +82,6 @@ def test_peer_follows_a_target_along_the_cut_of_the_bearings(contender):
         assert missed(run, points) == 0
 
 
-@every_peer
-def test_peer_takes_scans_without_detections(contender):
-    run = short_run(clutter_rate=0.0, targets=slice(0))
-    for points in contender(run, NOISE, (0, LAG)).tracks.values():
-        assert [len(found) for found in points] == [0] * SCANS
-
-
 def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
     problem = Problem.of(short_run(), MODEL)
     stamp, looks = next(problem.scans())

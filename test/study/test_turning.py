@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import yaml
 from reference import resolve
-from samples import layout
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -126,13 +125,6 @@ def test_the_peer_follows_targets_through_turns_misses_and_clutter():
             for t, p in list(zip(run.truth, points, strict=True))[6:]
         ]
         assert len(set(nearest)) == 1
-
-
-def test_the_peer_uses_the_times_of_the_plots():
-    found, inputs = scene(EAST, TURNING, **{"approach.detection_probability": 0.999})
-    timed = far_off(*followed(found, inputs))
-    late = far_off(*followed(found, [layout(inputs[0], time_field="")]))
-    assert np.sqrt((late**2).mean()) > 3.0 * np.sqrt((timed**2).mean())
 
 
 def test_the_peer_confirms_a_track_with_its_third_plot_and_ends_it_after_missed_revolutions():

@@ -65,16 +65,6 @@ def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
         assert report.detections.amplitude is None
 
 
-def test_an_empty_scan_survives_the_message():
-    empty = Detections(np.zeros((0, 2)), np.zeros(0))
-    message = adapter.to_msg(empty, STAMP_NS, FRAME)
-    assert (message.width, message.height, message.point_step) == (0, 1, 28)
-    report = adapter.from_msg(message, radar())
-    assert len(report.detections) == 0
-    assert report.detections.amplitude is not None
-    assert not report.dropped
-
-
 @pytest.mark.parametrize("fields", [{}, {"time": "time", "sector": "sector", "height": "height"}])
 def test_a_new_cloud_with_nothing_in_it_is_an_empty_scan(fields):
     """Drivers publish it where they have no detections."""

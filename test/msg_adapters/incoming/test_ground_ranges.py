@@ -107,17 +107,6 @@ def test_plots_with_elevations_are_where_the_targets_are():
     assert_at(places, report)
 
 
-def test_an_elevation_beyond_the_zenith_is_out_of_range():
-    report = read(
-        [(50e3, 0.0, 1.7), (50e3, 0.0, 0.1)],
-        ("range", "azimuth", "elevation"),
-        height_field="",
-        elevation_field="elevation",
-    )
-    assert report.dropped == {"range": 1}
-    assert len(report.detections) == 1
-
-
 def test_an_unknown_height_is_the_antennas_or_the_assumed_one():
     places, slant, compass, _ = around(80e3, PLACE[2])
     report = read([(*plot, NAN) for plot in zip(slant, compass, strict=True)])

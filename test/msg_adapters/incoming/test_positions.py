@@ -125,11 +125,6 @@ def test_cloud_without_places_is_rejected(columns, reason, text):
     assert refused.value.reason == reason
 
 
-def test_cloud_in_another_frame_is_rejected():
-    with pytest.raises(RejectedMessageError, match="frame_id 'base', must be 'lidar'"):
-        read({"x": [1.0], "y": [1.0]}, frame="base")
-
-
 def test_a_named_field_that_is_missing_is_an_anomaly():
     own = sensor(**{"fields.x_std": "sigma_x", "fields.time": "t", "fields.address": "id"})
     report = read({"x": [1.0], "y": [1.0], "y_std": [1.0]}, own)

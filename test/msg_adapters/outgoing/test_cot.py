@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from samples import estimates, nothing
+from samples import estimates
 
 from msg_adapters.outgoing import cot
 from phd_jdtc_ros.core.tracks.manual import Manual
@@ -106,10 +106,6 @@ def test_places_at_poles_and_the_date_line(place):
         assert (x, y) == pytest.approx((step, 0.0), abs=0.1)
         assert abs(event.lat) <= 90.0
         assert abs(event.lon) <= 180.0
-
-
-def test_no_events_of_nothing():
-    assert read(nothing()) == []
 
 
 def test_names_and_friends_are_those_of_the_operator():

@@ -80,21 +80,6 @@ def test_status_integers_read_back_exactly(value):
     assert int(text) == value
 
 
-def test_status_has_level_message_and_hardware():
-    found = diagnostics.status("name", {}, DiagnosticStatus.WARN, "silent", "radar_1")
-    assert (found.name, found.level, found.message) == ("name", DiagnosticStatus.WARN, "silent")
-    assert found.hardware_id == "radar_1"
-    assert found.values == []
-
-
-def test_array_has_no_frame():
-    message = diagnostics.array(
-        STAMP_NS, [diagnostics.status("a", {}), diagnostics.status("b", {})]
-    )
-    assert message.header == stamps.header(STAMP_NS, "")
-    assert [status.name for status in message.status] == ["a", "b"]
-
-
 def test_figures_to_cdr_equals_the_serialised_objects():
     values = {"total": 2.5, "unresolved": 3, "läufer": np.float64(0.1), "": 1e-300}
     status = diagnostics.status("tracker/cardinality", values)

@@ -74,17 +74,6 @@ def test_objects_keep_their_identifiers_and_reports_do_not():
     assert now.detection_report.report_id != later.detection_report.report_id
 
 
-@pytest.mark.parametrize("place", [(90.0, 0.0), (-90.0, 30.0), (0.0, 180.0), (0.0, -180.0)])
-def test_places_at_poles_and_the_date_line_are_valid(place):
-    (_, *found) = reports(
-        at((3.0, 1.0, 4.0, 1.0), (-3.0, 1.0, -4.0, 1.0)), SystemPlane((*place, 0.0))
-    )
-    assert len(found) == 2
-    for each in found:
-        assert abs(each.detection_report.location.x) <= 180.0
-        assert abs(each.detection_report.location.y) <= 90.0
-
-
 def test_name_of_the_operator_is_the_id():
     plane = SystemPlane((52.3, 4.8, 0.0))
     (_, found) = reports(at((0.0,) * 4), plane, Manual(names={1: "Aurora"}))

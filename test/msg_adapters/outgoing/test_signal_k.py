@@ -55,18 +55,6 @@ def test_deltas_have_position_and_motion_in_si_units():
     assert "navigation.courseOverGroundTrue" not in values_of(second)
 
 
-@pytest.mark.parametrize("place", [(89.9999, 45.0), (-89.9999, 0.0), (10.0, 179.99999)])
-def test_places_at_poles_and_the_date_line(place):
-    plane = SystemPlane((*place, 0.0))
-    # The target is over the pole, or over the date line, a little to the north-east.
-    (delta,) = read(at((30.0, 5.0, 30.0, 5.0)), plane=plane)
-    position = values_of(delta)["navigation.position"]
-    expected = [float(value) for value in plane.to_geodetic(30.0, 30.0)]
-    assert [position["latitude"], position["longitude"]] == pytest.approx(expected, abs=1e-7)
-    assert -180.0 <= position["longitude"] <= 180.0
-    assert 0.0 <= values_of(delta)["navigation.courseOverGroundTrue"] < 2.0 * math.pi
-
-
 def test_targets_in_the_air_are_aircraft_with_an_altitude():
     known = Attributes(
         np.array([[3048.0, 0.0], [math.nan, math.nan]]),

@@ -61,33 +61,6 @@ def test_to_msg_takes_the_state_apart_as_x_vx_y_vy_omega():
     assert_array_equal(column(message, "cov_24"), given.covariance[:, 2, 4])
 
 
-@pytest.mark.parametrize("classes", [1, 3])
-def test_no_estimates_survive_the_message(classes):
-    message = adapter.to_msg(nothing(classes), "map")
-    assert (message.width, message.height, len(message.data)) == (0, 1, 0)
-    assert adapter.class_count(message) == classes
-    found = adapter.from_msg(message)
-    assert (len(found), found.lag, found.stamp_ns) == (0, 0, STAMP_NS)
-    assert found.class_probability.shape == (0, classes)
-    assert found.covariance.shape == (0, 5, 5)
-
-
-@pytest.mark.parametrize(
-    "names",
-    [
-        *(["x"], ["y"], ["vx"], ["vy"], ["omega"], ["weight"], ["track_id"], ["class_id"], ["lag"]),
-        *([name] for name in COVARIANCE),
-        *(["p_class_1"], ["p_class_0", "p_class_1", "p_class_2"]),
-    ],
-)
-def test_from_msg_rejects_a_cloud_without_a_field(names):
-    message = adapter.to_msg(estimates(classes=3), "map")
-    message.fields = [field for field in message.fields if field.name not in names]
-    with pytest.raises(RejectedMessageError, match=f"'{names[0]}' is missing") as caught:
-        adapter.from_msg(message)
-    assert caught.value.reason == "schema"
-
-
 def test_state_of_a_track_is_the_last_field_or_confirmed():
     given = replace(estimates(), track_state=np.array([TENTATIVE, CONFIRMED, COASTING]))
     message = adapter.to_msg(given, "map")

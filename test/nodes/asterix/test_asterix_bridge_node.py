@@ -11,19 +11,13 @@ import forked
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
-from bag_content import messages
 from live_radars import Health, change
 from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import Trigger
 
-from msg_adapters.encoding import interfaces, names
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates
-from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.transport import sockets
 
 pytestmark = pytest.mark.live
@@ -136,67 +130,6 @@ def test_datagrams_become_clouds(site):
     np.testing.assert_allclose(np.diff(stamps), 125e6, atol=1)
     numbers = {report.sector for report in reports if len(report.detections)}
     assert numbers == {7, 31, 23, 8}
-
-
-def contents(message):
-    stamp, fields = message.header.stamp, message.fields
-    layout = [(field.name, field.offset, field.datatype, field.count) for field in fields]
-    return stamp.sec, stamp.nanosec, message.header.frame_id, layout, bytes(message.data)
-
-
-def test_estimates_of_plots_by_udp_are_those_of_the_recording(unicast, peer, tmp_path):
-    """The same bytes as of ``asterix_bridge`` and ``track_bag``, with what the bridge found out."""
-    rng = np.random.default_rng(5)
-    blocks = []
-    for revolution in range(20):
-        azimuth = 3.0 + 0.4 * revolution + 60.0 * np.arange(6) + rng.normal(0.0, 0.05, 6)
-        far = 20.0 + 0.2 * revolution + rng.normal(0.0, 0.02, 6)
-        seen = [*zip(azimuth, far, strict=True)]
-        own = made.revolutions(1, start_s=1000.0 + 4.0 * revolution, seen=seen)
-        blocks += [block for block in own if block[0] == 48]
-    recording, bag, tracked = (tmp_path / name for name in ("recording.ast", "bag", "tracked"))
-    recording.write_bytes(b"".join(blocks))
-    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
-    assert run("track_bag", [str(bag), "--out", str(tracked)]) == 0
-
-    topics = [names.estimates(source) for source in SOURCES]
-    live = {topic: peer.collect(PointCloud2, topic, 1000) for topic in topics}
-    bridge = unicast.start("-p", "replayed:=true")
-    # The recording is sent faster than a busy machine may track it.
-    own = f"qos_overrides.{TOPIC}.subscription"
-    qos = ("-p", f"{own}.reliability:=reliable", "-p", f"{own}.depth:=1000")
-    parameters = ("--params-file", bag / "parameters.yaml")
-    unicast.processes.start("tracker", "--ros-args", *parameters, *qos)
-    assert peer.spin_until(lambda: peer.node.count_publishers(topics[-1]))
-    peer.meet()
-    peer.said(bridge, f"{TOPIC}: 2 subscribers")
-    radar, clouds = unicast.radar(), BagReader(bag).counts[TOPIC]
-
-    tracker = Health(peer)
-
-    def taken():
-        found = tracker.all().get("radar_1_2")
-        return int(diagnostics.values_of(found[-1]).get("received", 0)) if found else 0
-
-    for number, block in enumerate(blocks, start=1):
-        radar.send(block)
-        peer.pace(0.005)
-        if number % 20 == 0:
-            # The bridge keeps fifty clouds for a tracker that a busy machine makes wait.
-            assert peer.spin_until(lambda: taken() >= len(unicast.clouds) > 0)
-    # The last ones come when nothing else does.
-    assert peer.spin_until(lambda: taken() == len(unicast.clouds) == clouds)
-    assert peer.call(Trigger, "/tracker/flush").success
-
-    assert [contents(c) for c in unicast.clouds] == [contents(c) for c in messages(bag, TOPIC)]
-    offline = {topic: [] for topic in topics}
-    for entry in BagReader(tracked).messages(topics):
-        offline[entry.topic].append(contents(interfaces.decode(entry.data, names.CLOUD)))
-    for topic in topics:
-        expected = offline[topic]
-        assert sum(len(cloud[-1]) > 0 for cloud in expected) > 10
-        assert peer.spin_until(lambda t=topic, e=expected: len(live[t]) >= len(e))
-        assert [contents(message) for message in live[topic]] == expected
 
 
 def test_tracks_are_of_one_radar_until_another_reports(unicast, peer):

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_and_offline import answered, assert_alike, started
-from live_radars import Health
+from live_and_offline import answered, started
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.incoming import detections
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000 * 10**9
@@ -85,18 +82,6 @@ def clouds(config, per_revolution, clutter=CLUTTER):
     return sent
 
 
-def offline(config, sent):
-    """Return the filtered estimates of clouds, without a node."""
-    pipeline, found = new_pipeline(config), []
-    for cloud in sent:
-        report = detections.from_msg(cloud, config.inputs[0])
-        events = pipeline.add(0, report.stamp_ns, report.detections, report.sector)
-        for event in events:
-            assert isinstance(event, Stepped)
-            found += event.step.filtered
-    return found
-
-
 @pytest.fixture
 def tracker(processes, peer, tmp_path):
     """Return a function that starts a tracker.
@@ -110,37 +95,6 @@ def tracker(processes, peer, tmp_path):
         return resolve(given), outputs[topic], found, process.log
 
     return start
-
-
-def test_a_radar_that_sends_whole_revolutions_is_tracked_live_as_offline(tracker, peer):
-    config, output, found, _ = tracker(**{"tower.sectors": 0, "tower.fields.sector": ""})
-    sent = clouds(config, 1)
-    expected = offline(config, sent)
-    answered(peer, output, found, sent)
-    assert peer.spin_until(lambda: len(found) >= len(expected))
-    assert_true(assert_alike(found, expected))
-
-
-def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
-    health = Health(peer)
-    config, output, found, _ = tracker(late_reports="rework")
-    sent = clouds(config, 16)[: 5 * 16]
-    late = sent.pop(50)
-    expected = offline(config, [*sent[:53], late, *sent[53:]])
-    answered(peer, output, found, sent[:53])
-    output.publish(late)
-    answered(peer, output, found, sent[53:])
-    health.until("tower", lambda _, values: values.get("late_reworked") == "1")
-    assert peer.spin_until(lambda: len(found) >= len(expected))
-    assert_true(assert_alike(found, expected))
-
-
-def assert_true(heard):
-    """Check that the last estimates are where the aircraft are."""
-    last = heard[-1]
-    truth = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * (last.stamp_ns - START_NS) * 1e-9
-    away = np.hypot(*(last.position[:, None] - truth).transpose(2, 0, 1))
-    assert (away.min(axis=0) < 200.0).all()
 
 
 def test_a_revolution_that_is_not_configured_is_found_and_reported(tracker, peer):
