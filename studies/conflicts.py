@@ -244,7 +244,8 @@ def _reliability(said: Sequence[list[float]], true: Sequence[list[bool]]) -> lis
             share = float(came[own].mean())
             off = Mean.of(np.bincount(run[own], came[own] - share, len(said)).astype(float))
             width = off.half_width * len(said) / count
-            row |= {"said": float(p[own].mean()), "true": share, "half_width": width}
+            row |= {"said": float(p[own].mean()), "true": share}
+            row["half_width"] = None if math.isnan(width) else width  # Of a single run
         rows.append(row)
     return rows
 
@@ -257,7 +258,7 @@ def _tables(figures: Figures) -> list[Table | str]:
             cells = [f"{reports['low']:.2f} to {reports['high']:.2f}"]
             for each in (reports, alarms):
                 width = each["half_width"]
-                within = "" if width is None or math.isnan(width) else f" ± {width:.2f}"
+                within = "" if width is None else f" ± {width:.2f}"
                 cells += [str(each["count"]), _share(each["said"]), _share(each["true"]) + within]
             rows.append(cells)
         headings = ("probability", "reports", "said", "came true", "alarms", "said", "came true")

@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseWithCovariance, Twist, TwistWithCovariance, Vector3
+from geometry_msgs.msg import Point, Twist, Vector3
 
 from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from ..encoding import interfaces, names, stamps
 from . import vertical
-from .tracks import pose_covariance, pose_of, twist_covariance
+from .tracks import UNKNOWN_VARIANCE, pose_and_twist, pose_of
 
 # The numbers of kinds in ``autoware_perception_msgs/ObjectClassification``, and in
 # ``derived_object_msgs/Object``.
@@ -56,7 +56,6 @@ def to_tracked_objects(
     message = message_class(names.TRACKED_OBJECTS)(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)
     for row in range(len(estimates)):
-        state, covariance = estimates.state[row], estimates.covariance[row]
         one = message_class("autoware_perception_msgs/msg/TrackedObject")()
         one.object_id.uuid = _identifier(estimates, row, run)
         one.existence_probability = min(float(estimates.existence[row]), 1.0)
@@ -64,13 +63,10 @@ def to_tracked_objects(
             kind = message_class("autoware_perception_msgs/msg/ObjectClassification")()
             kind.label, kind.probability = AUTOWARE.get(name, 0), share
             one.classification.append(kind)
-        pose = PoseWithCovariance(pose=pose_of(state, float(up.state[row, 0])))
-        pose.covariance = pose_covariance(state, covariance).ravel()
-        twist = TwistWithCovariance(covariance=twist_covariance(state, covariance).ravel())
-        twist.twist.linear.x = float(np.hypot(state[VX], state[VY]))
-        twist.twist.linear.z, twist.twist.angular.z = float(up.state[row, 1]), float(state[OMEGA])
         kinematics = one.kinematics
-        kinematics.pose_with_covariance, kinematics.twist_with_covariance = pose, twist
+        kinematics.pose_with_covariance, kinematics.twist_with_covariance = pose_and_twist(
+            estimates, row, up
+        )
         kinematics.orientation_availability = AVAILABLE
         message.objects.append(one)
     return message
@@ -82,7 +78,11 @@ def to_obstacles(
     run: uuid.UUID,
     message_class: Classes = interfaces.message_class,
 ) -> Any:
-    """Encode estimates as ``nav2_dynamic_msgs/ObstacleArray``; the score is that of existence."""
+    """Encode estimates as ``nav2_dynamic_msgs/ObstacleArray``; the score is that of existence.
+
+    Covariances, of x, y and z, are there since the package's version of 2024; unknown heights have
+    the variance `UNKNOWN_VARIANCE`.
+    """
     message = message_class(names.OBSTACLES)(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)
     for row, state in enumerate(estimates.state.tolist()):
@@ -91,6 +91,13 @@ def to_obstacles(
         one.score = min(float(estimates.existence[row]), 1.0)
         one.position = Point(x=state[X], y=state[Y], z=float(up.state[row, 0]))
         one.velocity = Vector3(x=state[VX], y=state[VY], z=float(up.state[row, 1]))
+        if isinstance(getattr(one, "position_covariance", None), np.ndarray):
+            for axis, name in enumerate(("position_covariance", "velocity_covariance")):
+                covariance = np.diag([0.0, 0.0, UNKNOWN_VARIANCE])
+                if up.known[row]:
+                    covariance[2, 2] = up.covariance[row, axis, axis]
+                covariance[:2, :2] = getattr(estimates, name)[row]
+                setattr(one, name, covariance.ravel())
         message.obstacles.append(one)
     return message
 

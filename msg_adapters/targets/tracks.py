@@ -17,6 +17,7 @@ from geometry_msgs.msg import (
     PoseWithCovariance,
     Quaternion,
     Twist,
+    TwistWithCovariance,
     Vector3,
 )
 from nav_msgs.msg import Odometry, Path
@@ -61,23 +62,30 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
     up = vertical.of(estimates)
     messages = []
     for track, row in rows_by_track(estimates):
-        state, covariance = estimates.state[row], estimates.covariance[row]
         message = Odometry(header=stamps.header(estimates.stamp_ns, frame))
         message.child_frame_id = child_frame(track)
-        height, climb = map(float, up.state[row])
-        speed = math.hypot(state[VX], state[VY])
-        message.pose.pose = pose_of(state, height)
-        message.twist.twist = Twist(
-            linear=Vector3(x=speed, y=0.0, z=climb),
-            angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
-        )
-        of_pose = pose_covariance(state, covariance)
-        of_twist = twist_covariance(state, covariance)
-        if up.known[row]:
-            of_pose[2, 2], of_twist[2, 2] = np.diag(up.covariance[row])
-        message.pose.covariance, message.twist.covariance = of_pose.ravel(), of_twist.ravel()
+        message.pose, message.twist = pose_and_twist(estimates, row, up)
         messages.append(message)
     return messages
+
+
+def pose_and_twist(
+    estimates: Estimates, row: int, up: vertical.Vertical
+) -> tuple[PoseWithCovariance, TwistWithCovariance]:
+    """Return an estimate's pose, and its twist in the frame that the pose gives."""
+    state, covariance = estimates.state[row], estimates.covariance[row]
+    height, climb = map(float, up.state[row])
+    of_pose, of_twist = pose_covariance(state, covariance), twist_covariance(state, covariance)
+    if up.known[row]:
+        of_pose[2, 2], of_twist[2, 2] = np.diag(up.covariance[row])
+    twist = Twist(
+        linear=Vector3(x=math.hypot(state[VX], state[VY]), y=0.0, z=climb),
+        angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
+    )
+    return (
+        PoseWithCovariance(pose=pose_of(state, height), covariance=of_pose.ravel()),
+        TwistWithCovariance(twist=twist, covariance=of_twist.ravel()),
+    )
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:

@@ -228,7 +228,7 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
         "500": _accuracies(track, source),
     }
     if track.geodetic is not None:
-        items["105"] = b"".join(signed(value, GEODETIC_UNIT, 4) for value in track.geodetic)
+        items["105"] = b"".join(_degrees(value) for value in track.geodetic)
     if track.code != NONE:
         items["060"] = track.code.to_bytes(2, "big")
     if track.call_sign != NONE:
@@ -242,6 +242,13 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
     if math.isfinite(track.climb):
         items["220"] = signed(track.climb, CLIMB_UNIT, 2)
     return record(62, items)
+
+
+def _degrees(angle: float) -> bytes:
+    # A longitude of 180 degrees is -180 in this item.
+    half = 2**25
+    units = (round(angle / GEODETIC_UNIT) + half) % (2 * half) - half
+    return units.to_bytes(4, "big", signed=True)
 
 
 def _aircraft(track: TrackReport) -> bytes:

@@ -120,6 +120,15 @@ def test_unknown_items_are_left_out_and_wrong_ones_refused():
 
 
 @pytest.mark.parametrize(
+    ("longitude", "read"),
+    [(180.0, -180.0), (180.0 - 1e-7, -180.0), (-180.0, -180.0), (135.0, 135.0)],
+)
+def test_longitudes_at_the_date_line_are_below_180(longitude, read):
+    record = one(replace(PLAIN, geodetic=(90.0, longitude)))
+    assert (value(record, "I105", "Lat"), value(record, "I105", "Lon")) == (90.0, read)
+
+
+@pytest.mark.parametrize(
     ("code", "address", "name"), [(NONE, NONE, "PSR"), (0, NONE, "SSR"), (0, 5, "MDS")]
 )
 def test_age_is_that_of_what_a_track_is_known_by(code, address, name):

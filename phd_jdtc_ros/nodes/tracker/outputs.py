@@ -185,7 +185,22 @@ class Outputs:
             self._encode(row, *self._unsent.pop(row))
 
     def _encode(self, row: Output, stamp_ns: int, data: Any) -> None:
-        for message in row.encode(data, self._view):
+        try:
+            messages = row.encode(data, self._view)
+        except AttributeError as error:
+            if row.usual:
+                raise
+            self._leave_out(row, error)
+            return
+        for message in messages:
             self._publishers[row].publish(message)
             if row.period_s:
                 self._last_ns[row] = stamp_ns
+
+    def _leave_out(self, row: Output, error: AttributeError) -> None:
+        """Go on without an output whose installed messages lack a field."""
+        self._node.get_logger().error(
+            f"outputs: {row.switch} is left out, its message package is of another version: {error}"
+        )
+        self._node.destroy_lifecycle_publisher(self._publishers.pop(row))
+        self._select_wanted()

@@ -94,7 +94,7 @@ class Link:
             await self._serve(*await asyncio.wait_for(connecting, RETRY_S))
             return
         if self._port is not None:
-            self._server = await asyncio.start_server(self._serve, sock=self._port)
+            self._server = await asyncio.start_server(self._accept, sock=self._port)
         else:
             made = asyncio.get_running_loop().create_datagram_endpoint(
                 asyncio.DatagramProtocol, sock=sockets.sender(self.where.address, "")
@@ -102,6 +102,11 @@ class Link:
             self._open.add((await made)[0])
             self.fault = ""
         await asyncio.Event().wait()
+
+    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        # Before Python 3.12 asyncio logs an error if this is cancelled.
+        with suppress(asyncio.CancelledError):
+            await self._serve(reader, writer)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Keep a connection until it ends; what is received is discarded."""

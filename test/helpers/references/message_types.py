@@ -218,19 +218,21 @@ TrackedObjects = _make(
     Header=Header,
     TrackedObject=TrackedObject,
 )
-Obstacle = _make(
-    "Obstacle",
-    """
+_OBSTACLE = """
     UUID uuid
     float32 score
     Point position
     Vector3 velocity
     Vector3 size
-    """,
-    UUID=UUID,
-    Point=Point,
-    Vector3=Vector3,
-)
+    """
+_COVARIANCES = """
+    float64[9] position_covariance
+    float64[9] velocity_covariance
+    """
+_PARTS = {"UUID": UUID, "Point": Point, "Vector3": Vector3}
+# The definition up to 2023, and the present one.
+EarlyObstacle = _make("Obstacle", _OBSTACLE, **_PARTS)
+Obstacle = _make("Obstacle", _OBSTACLE.rstrip() + _COVARIANCES, **_PARTS)
 ObstacleArray = _make(
     "ObstacleArray",
     """

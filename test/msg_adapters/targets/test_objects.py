@@ -8,7 +8,7 @@ import message_types as types
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from samples import STAMP_NS, estimates, nothing
+from samples import STAMP_NS, estimates, nothing, with_heights
 
 from msg_adapters.encoding import names, stamps
 from msg_adapters.targets import objects
@@ -79,6 +79,32 @@ def test_classes_have_the_numbers_of_their_names():
 def test_derived_objects_leave_out_what_has_no_number():
     given = replace(estimates(), track_id=np.array([0, 5, 6]))
     assert [one.id for one in derived(given).objects] == [5, 6]
+
+
+def test_obstacles_have_covariances_where_their_definition_has():
+    given = with_heights(estimates(2), [[120.0, 1.0], [math.nan, math.nan]])
+    for row, one in enumerate(obstacles(given).obstacles):
+        position, velocity = (
+            np.reshape(getattr(one, f"{name}_covariance"), (3, 3))
+            for name in ("position", "velocity")
+        )
+        assert_allclose(position[:2, :2], given.position_covariance[row])
+        assert_allclose(velocity[:2, :2], given.velocity_covariance[row])
+        assert (position[2, 2], velocity[2, 2]) == ((60.0, 1.5) if row == 0 else (1e6, 1e6))
+
+    def early(name):
+        return types.EarlyObstacle if name == f"{NAV2}/msg/Obstacle" else CLASS(name)
+
+    found = objects.to_obstacles(given, "map", RUN, early).obstacles
+    assert [one.position.z for one in found] == [120.0, 0.0]
+
+
+def test_autoware_has_the_variance_of_a_known_height():
+    given = with_heights(estimates(2), [[120.0, 1.0], [math.nan, math.nan]])
+    found = [one.kinematics for one in autoware(given).objects]
+    for one, expected in zip(found, ((60.0, 1.5), (1e6, 1e6)), strict=True):
+        pose, twist = one.pose_with_covariance, one.twist_with_covariance
+        assert (pose.covariance[14], twist.covariance[14]) == expected
 
 
 def test_obstacles_keep_their_identifiers_within_a_run():

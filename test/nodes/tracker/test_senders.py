@@ -234,7 +234,7 @@ def test_too_many_clients_are_turned_away(made, monkeypatch):
         assert lines_of(one, 1)[0][:6] == b"$RATLL"
 
 
-def test_close_ends_all_and_may_come_twice(made):
+def test_close_ends_all_without_a_word_and_may_come_twice(made, caplog):
     port = free_port()
     sender = made(["tll"], f"nmea+listen://127.0.0.1:{port}", "nmea+udp://127.0.0.1:9")
     with socket.create_connection(("127.0.0.1", port), 10.0) as client:
@@ -242,6 +242,7 @@ def test_close_ends_all_and_may_come_twice(made):
         sender.close()
         sender.close()
         assert read_to_the_end(client) == 0
+    assert not caplog.messages
     socket.create_server(("127.0.0.1", port)).close()
 
 

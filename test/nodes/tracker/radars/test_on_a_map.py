@@ -5,6 +5,7 @@ import pytest
 import stand_ins
 from diagnostic_msgs.msg import DiagnosticArray
 from live_radars import SCANS, change, connected, options, start_tracker
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
@@ -96,6 +97,21 @@ def test_missing_type_of_the_frames_is_logged_once(processes, peer, tmp_path):
     assert change(peer, "DEACTIVATE", "CLEANUP", "CONFIGURE", "ACTIVATE")
     log = peer.said(node, "tracking 2 classes", times=2)
     assert log.count(MISSING) == 1
+
+
+def test_output_whose_package_has_other_fields_is_left_out_and_others_go_on(
+    processes, peer, installed
+):
+    tracker = start_tracker(processes, *options(outputs="[obstacles, odometry]"), **installed)
+    group = connected(peer)
+    peer.collect(stand_ins.message_class(names.OBSTACLES), "/tracker/obstacles")
+    found = peer.collect(Odometry, "/tracker/odometry")
+    assert peer.spin_until(lambda: peer.node.count_subscribers("/tracker/odometry"))
+    group.track_all(*range(6))
+    assert peer.spin_until(lambda: found)
+    log = peer.said(tracker, "outputs: obstacles is left out, its message package")
+    assert log.count("is left out") == 1
+    assert peer.spin_until(lambda: not peer.node.count_publishers("/tracker/obstacles"))
 
 
 def test_recording_places_detections_on_a_map(processes, peer, tmp_path, installed):
