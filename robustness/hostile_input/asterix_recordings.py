@@ -22,7 +22,7 @@ from .asterix_bytes import NS, ROTATION_S, SECTORS, radar_blocks
 PLACES = 1000
 # 2026-11-22, the day of the captures.
 MIDNIGHT_NS = 20_779 * 86_400 * NS
-FILE_HEADER, PACKET_HEADER = 24, 16
+FILE_HEADER = 24
 
 
 class Damaged(NamedTuple):

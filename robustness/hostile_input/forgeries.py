@@ -35,7 +35,6 @@ LEARNING = {
 }
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
-COVARIANCE = f"{OLDEST}.covariance"
 
 
 class _Log:

@@ -190,17 +190,13 @@ class Outputs:
         except AttributeError as error:
             if row.usual:
                 raise
-            self._leave_out(row, error)
+            # The installed messages lack a field.
+            text = f"outputs: {row.switch} is left out, its message package is of another version"
+            self._node.get_logger().error(f"{text}: {error}")
+            self._node.destroy_lifecycle_publisher(self._publishers.pop(row))
+            self._select_wanted()
             return
         for message in messages:
             self._publishers[row].publish(message)
             if row.period_s:
                 self._last_ns[row] = stamp_ns
-
-    def _leave_out(self, row: Output, error: AttributeError) -> None:
-        """Go on without an output whose installed messages lack a field."""
-        self._node.get_logger().error(
-            f"outputs: {row.switch} is left out, its message package is of another version: {error}"
-        )
-        self._node.destroy_lifecycle_publisher(self._publishers.pop(row))
-        self._select_wanted()
