@@ -23,10 +23,9 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PERIOD_NS, Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import conversion, settings
 from phd_jdtc_ros.asterix_bridge.conversion import TrackOutput
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.modes import ModeSpace
-from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files.from_arguments import config_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transport import sockets
@@ -240,7 +239,7 @@ class AsterixBridge(ReceivingNode):
     def _on_parameters(self, values: dict[str, Any]) -> None:
         """Learn the tracker's motion modes, whose noise the accuracy of predicted tracks needs."""
         try:
-            self._modes = resolve(values, SystemPlane).model.modes
+            self._modes = config_of(values).model.modes
         except ConfigError:  # It is no tracker, such as `hand_over`
             return
         if self._output is not None:

@@ -12,6 +12,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -19,16 +20,22 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.encoding import RejectedMessageError, names, point_cloud
+from msg_adapters.encoding import RejectedMessageError, interfaces, names, point_cloud
+from msg_adapters.incoming import moving_radars
+from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.outgoing import conflicts
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.configuration import zones
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.types import FILTERED
-from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import ArgumentParser
+from phd_jdtc_ros.parameter_files.from_arguments import config_of
 from phd_jdtc_ros.report.page import words
 from phd_jdtc_ros.report.page.layers import AMPLITUDE_SCALES
 from phd_jdtc_ros.report.page.picture import zone_lines
@@ -40,6 +47,7 @@ from .common.parameters import TrackerParameters
 from .common.runtime import RunnableNode
 from .picture_server import Server, is_loopback
 
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Numbers of detections that are shown, and of clouds that are kept until they are encoded.
 MOST_PLOTS, MOST_CLOUDS = 5000, 100
 
@@ -72,6 +80,15 @@ class Picture(RunnableNode):
         self._plots: deque[PointCloud2] = deque(maxlen=MOST_CLOUDS)
         self._sent: dict[str, bytes] = {}  # Newest event of each kind
         self._head = server.head({})
+        self._zones: Sequence[Zone] = ()
+        self._encoders: dict[str, Callable[[Any], Mapping[str, Any]]] = {
+            "head": dict,
+            "carriers": server.of_carriers,
+            "tracks": lambda cloud: server.of_tracks(estimates.from_msg(cloud)),
+            "alarms": lambda cloud: server.of_alarms(conflicts.from_msg(cloud), self._zones),
+            "plots": _plots,
+            "health": _health,
+        }
         self._warnings = ThrottledWarnings(self.get_logger())
         for kind, message_type, topic in (
             ("tracks", PointCloud2, names.estimates(FILTERED, self._tracker)),
@@ -111,15 +128,40 @@ class Picture(RunnableNode):
     def _on_parameters(self, values: dict[str, Any]) -> None:
         """Learn the names of the classes, and the places of the radars and the zones."""
         found = server.head(values)
-        origin = values.get("world_origin") or []
-        if values.get("zones") and len(origin) == 3:
-            try:
-                found["zones"] = zone_lines(zones.read(values["zones"], SystemPlane(origin)))
-            except ConfigError as error:  # The file may be on another machine
-                self.get_logger().warning(f"zones are not shown: {error}")
-        self._head = found
+        try:
+            config = config_of({**values, "zones": ""})
+            sensors = zip(config.inputs, config.model.radars, strict=True)
+            found["sites"] = [
+                [own.name, *sensor.position] for own, sensor in sensors if not own.pose.topic
+            ]
+            self._follow(config)
+            self._zones = zones.read(values.get("zones", ""), config.plane)
+        except ConfigError as error:  # A file of zones may be on another machine
+            self.get_logger().warning(f"zones or moving radars are not shown: {error}")
+        self._head = {**found, "zones": zone_lines(self._zones)}
         with self._lock:
-            self._latest["head"] = found
+            self._latest["head"] = self._head
+
+    def _follow(self, config: TrackerConfig) -> None:
+        """Subscribe to the poses of moving radars."""
+        moving, places = MovingRadars(config), dict[int, tuple[float, float]]()
+
+        def take(topic: str, data: bytes) -> None:
+            try:
+                poses, _ = moving.read(topic, data)
+            except RejectedMessageError as error:
+                self._warnings.warn(topic, f"{topic}: {error}")
+                return
+            places.update((known.radar, known.pose.position) for known in poses)
+            with self._lock:
+                self._latest["carriers"] = dict(places)
+
+        for topic, name in moving_radars.types_of(config).items():
+            kind = interfaces.installed_class(name)
+            # As the tracker asks for them.
+            qos = topics.latched(self.DEPTH) if topic == STATIC_TRANSFORMS else BEST_EFFORT
+            if kind is not None:
+                self.create_subscription(kind, topic, partial(take, topic), qos, raw=True)
 
     def _page(self) -> str:
         return page(self._tracker, self._head)
@@ -135,7 +177,7 @@ class Picture(RunnableNode):
         found: dict[str, bytes] = {}
         for kind, message in (*latest.items(), *([("plots", plots)] if plots else [])):
             try:
-                found[kind] = server.event(kind, ENCODERS[kind](message))
+                found[kind] = server.event(kind, self._encoders[kind](message))
             except RejectedMessageError as error:
                 self._warnings.warn(kind, f"{kind}: {error}")
         self._sent = {**self._sent, **found}
@@ -158,15 +200,6 @@ def _plots(clouds: Sequence[PointCloud2]) -> dict[str, Any]:
         point_cloud.require_finite({name: part[name] for name in ("x", "y")})
     joined = (np.concatenate([part[name] for part in parts])[-MOST_PLOTS:] for name in wanted)
     return server.of_plots(*joined)
-
-
-ENCODERS: dict[str, Callable[[Any], Mapping[str, Any]]] = {
-    "head": lambda head: head,
-    "tracks": lambda cloud: server.of_tracks(estimates.from_msg(cloud)),
-    "alarms": lambda cloud: server.of_alarms(conflicts.from_msg(cloud)),
-    "plots": _plots,
-    "health": _health,
-}
 
 
 def main(argv: Sequence[str]) -> int:

@@ -22,7 +22,8 @@ from aiohttp import web
 from msg_adapters.targets import vertical
 from msg_adapters.targets.markers import class_colour
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.conflicts.model import Conflicts
+from phd_jdtc_ros.core.conflicts.model import Conflicts, words
+from phd_jdtc_ros.core.models.zones import Zone
 from phd_jdtc_ros.core.types import FILTERED, Estimates
 from phd_jdtc_ros.report.page.picture import AXIS_STEPS, LEAST_AXIS, MARKS, NO_LEVEL, said_of
 from phd_jdtc_ros.report.style import RADIUS_95
@@ -30,8 +31,6 @@ from phd_jdtc_ros.report.style import RADIUS_95
 
 def head(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page's script has to know, see `page.picture`, by a tracker's parameters."""
-    sensors = [name for name in values.get("sensors", ()) if not values.get(f"{name}.pose")]
-    fixed = [name for name in sensors if f"{name}.position" in values]
     classes = values.get("classes") or ["class_0"]
     heights = any(values.get(f"{name}.fields.height") for name in values.get("sensors", ()))
     return {
@@ -44,7 +43,7 @@ def head(values: Mapping[str, Any]) -> dict[str, Any]:
         "sources": [FILTERED],
         "hold": {FILTERED: 1},
         "radars": list(values.get("sensors", ())),
-        "sites": [[name, *values[f"{name}.position"][:2]] for name in fixed],
+        "sites": [],
         "known": {"truth": False, "plots": True, "alarms": True},
         "rings": [],
         "zones": [],
@@ -101,8 +100,17 @@ def of_plots(x: Any, y: Any, radar: Any) -> dict[str, Any]:
     return {"x": _rounded(x), "y": _rounded(y), "radar": radar.tolist()}
 
 
-def of_alarms(found: Conflicts) -> dict[str, Any]:
-    """Return the alarms of conflicts as columns."""
+def of_carriers(places: Mapping[int, Sequence[float]]) -> dict[str, Any]:
+    """Return the places of moving radars, by their index, as columns."""
+    return {
+        "number": [*places],
+        "x": _rounded([place[0] for place in places.values()]),
+        "y": _rounded([place[1] for place in places.values()]),
+    }
+
+
+def of_alarms(found: Conflicts, zones: Sequence[Zone]) -> dict[str, Any]:
+    """Return the alarms of conflicts as columns, with a text each."""
     rows = np.flatnonzero(found.alarm)
     columns = ("kind", "first", "second", "alarm")
     return {
@@ -110,6 +118,7 @@ def of_alarms(found: Conflicts) -> dict[str, Any]:
         "chance": _rounded(found.probability[rows], 0.01),
         "x": _rounded(found.place[rows, 0]),
         "y": _rounded(found.place[rows, 1]),
+        "text": [words(found, row, zones) for row in rows.tolist()],
     }
 
 

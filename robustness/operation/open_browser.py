@@ -51,7 +51,7 @@ SCRIPT = """
     live.takeTracks(found);
     live.take("plots", { x: x.slice(0, 100), y: y.slice(0, 100), radar: fill(0).slice(0, 100) });
     live.take("alarms", { kind: [1], first: [number[0]], second: [number[1]], alarm: [1],
-      chance: [90], x: [x[0]], y: [y[0]] });
+      chance: [90], x: [x[0]], y: [y[0]], text: ["an alarm"] });
     took.push(performance.now() - start);
     if (k %% 10 === 0) { live.draw(); shown.push(performance.now() - start); }
   }

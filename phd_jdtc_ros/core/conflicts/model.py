@@ -184,13 +184,17 @@ def closest_approach(line: FloatArray, velocity: FloatArray, course: FloatArray)
 
 
 def words(conflicts: Conflicts, row: int, zones: Sequence[Zone]) -> str:
-    """Return a conflict in words, such as ``track 12 and own ship: below ...``."""
+    """Return a conflict in words, such as ``own ship and track 12: 70% in 3.0 min, ...``.
+
+    A zone that is not among `zones` has no name.
+    """
     kind, first, second = conflicts.keys[row]
     name = "own ship" if first == OWN_SHIP else f"track {first}"
     chance = f"{conflicts.probability[row]:.0%} in {conflicts.time_s[row] / 60.0:.1f} min"
     if kind == ZONE:
-        zone = zones[second]
-        return f"{name} in {zone.kind} zone {zone.name}: {chance}"
+        known = zones[second : second + 1]
+        where = next((f"{zone.kind} zone {zone.name}" for zone in known), "a zone")
+        return f"{name} in {where}: {chance}"
     approach = f"CPA {conflicts.cpa[row]:.0f} m"
     if not math.isnan(conflicts.tcpa_s[row]):
         way = "ahead" if conflicts.ahead[row] >= 0.0 else "astern"

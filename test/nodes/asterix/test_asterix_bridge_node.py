@@ -154,6 +154,28 @@ def test_tracks_are_of_one_radar_until_another_reports(unicast, peer):
     assert said == [1, 0]
 
 
+def test_accuracy_of_predicted_tracks_has_the_live_trackers_process_noise(unicast, peer):
+    # In three seconds a white acceleration of this density moves a target by 30 m.
+    loud = [f"{motion}.noise_density:=100.0" for motion in ("calm", "cv", "ct")]
+    given = [word for each in loud for word in ("-p", each)]
+    tracker = unicast.processes.start("tracker", "--ros-args", *given)
+    peer.said(tracker, "tracking ")
+    unicast.start("-p", "output_period_s:=0.2")
+    publisher = peer.node.create_publisher(PointCloud2, "/tracker/filtered/estimates", 10)
+    assert peer.spin_until(lambda: publisher.get_subscription_count() > 0)
+
+    def accuracy():
+        ago_ns = time.time_ns() - 3 * 10**9
+        parts = {"stamp_ns": ago_ns, "class_probability": np.array([[0.5, 0.5]])}
+        found = estimate_sets.of_tracks({1: (0.0, 0.0)}, variance=np.full(5, 1e-6), **parts)
+        publisher.publish(estimates.to_msg(found, "map"))
+        peer.spin(0.3)
+        records = [each for each in unicast.tracks() if each["category"] == 62]
+        return max((value(each, "I500", "APC", "APC_X") for each in records), default=0.0)
+
+    assert peer.spin_until(lambda: 25.0 < accuracy() < 60.0)
+
+
 def test_hostile_datagrams_are_counted_and_change_nothing(unicast):
     process = unicast.start()
     rng = made.rng(5)

@@ -74,10 +74,14 @@ class Drawing {
       places.set(number, [this.groups[this.main].x[row], this.groups[this.main].y[row]]);
     }
     const { carriers } = this.groups;
-    for (const { row } of this.newest("carriers")) places.set(0, [carriers.x[row], carriers.y[row]]);
+    // Own ship is the first of them; a track may be in its place, which is not known here.
+    for (const { row } of this.newest("carriers")) {
+      if (!places.has(0)) places.set(0, [carriers.x[row], carriers.y[row]]);
+    }
     const begin = above(frame, looked[last] - 1, 0, frame.length);
     for (let k = begin; k < frame.length && frame[k] === looked[last]; k++) {
-      const [one, there] = [places.get(first[k]), [x[k], y[k]]];
+      const there = [x[k], y[k]];
+      const one = places.get(first[k]) || (first[k] === 0 && there);
       const other = kind[k] === 2 ? there : places.get(second[k]);
       if (!one || !other) continue;
       const [[ax, ay], [bx, by]] = [one, other].map(([u, v]) => [this.px(u), this.py(v)]);
@@ -87,7 +91,9 @@ class Drawing {
       brush.moveTo(ax, ay);
       brush.lineTo(bx, by);
       brush.stroke();
-      this.writeApart(`${chance[k]} %`, [[(ax + bx) / 2 + 5, (ay + by) / 2 - 5]]);
+      const text = `${chance[k]} %`;
+      // To the left, because the labels of tracks are to the right if there is room.
+      this.writeApart(text, [[(ax + bx) / 2 - 9 - brush.measureText(text).width, (ay + by) / 2 - 5]]);
     }
   }
 

@@ -24,7 +24,7 @@ class Live extends Picture {
     this.fitted = false;
     for (const name of ["truth", "carriers"]) this.groups[name] = { ...EMPTY };
     this.groups.plots = { frame: [], x: [], y: [], shade: [], radar: [] };
-    this.take("alarms", { kind: [], first: [], second: [], alarm: [], chance: [], x: [], y: [] });
+    this.take("alarms", { kind: [], first: [], second: [], alarm: [], chance: [], x: [], y: [], text: [] });
   }
 
   take(kind, found) {
@@ -33,6 +33,12 @@ class Live extends Picture {
     else if (kind === "alarms") {
       const now = this.frame;
       this.groups.alarms = { ...found, looked: [now], frame: found.x.map(() => now) };
+      // The most probable one comes first.
+      const [text, more] = [found.text[0] || "", found.text.length - 1];
+      document.getElementById("alarm").textContent = more > 0 ? `${text}; and ${more} more` : text;
+    } else if (kind === "carriers") {
+      const [start, frame] = [found.x.map((_, k) => k), found.x.map(() => this.frame)];
+      this.groups.carriers = { ...found, start, frame };
     } else if (kind === "health") {
       const shown = document.getElementById("health");
       shown.textContent = found.text;
@@ -57,7 +63,7 @@ class Live extends Picture {
     this.began = this.frame - this.updates.length + 1;
     this.arrange();
     document.getElementById("shown").textContent = `${new Date(1000 * found.time_s).toISOString().slice(0, 19).replace("T", " ")} UTC`;
-    if (!this.fitted && found.x.length) this.fitTo(found);
+    if (found.x.length && this.outgrown(found)) this.fitTo(found);
   }
 
   // The columns of the kept updates, track by track.
@@ -91,10 +97,11 @@ class Live extends Picture {
     this.head.told = [...told.keys()];
     this.head.identities = [...known.values()].map(([, who]) => who);
     this.groups[this.main] = group;
-    // An alarm stays until the next one.
-    const { alarms } = this.groups;
+    // An alarm, and the place of a moving radar, stay until the next ones.
+    const { alarms, carriers } = this.groups;
     alarms.looked = [this.frame];
     alarms.frame.fill(this.frame);
+    carriers.frame.fill(this.frame);
   }
 
   takePlots(found) {
@@ -112,8 +119,22 @@ class Live extends Picture {
     return this.began + above(this.times, begin - 1e-9, 0, this.times.length) - 1;
   }
 
+  fit() {
+    super.fit();
+    this.home = String([...this.centre, this.scale]);
+  }
+
+  // Whether tracks are beyond the view, which nobody has moved.
+  outgrown({ x, y }) {
+    if (!this.fitted) return true;
+    if (this.home !== String([...this.centre, this.scale])) return false;
+    return x.some((value, k) => Math.abs(this.px(value) - this.width / 2) > this.width / 2
+      || Math.abs(this.py(y[k]) - this.height / 2) > this.height / 2);
+  }
+
   fitTo({ x, y }) {
-    const all = [[...x, ...this.head.sites.map((site) => site[1])], [...y, ...this.head.sites.map((site) => site[2])]];
+    const [{ sites }, { carriers }] = [this.head, this.groups];
+    const all = [[...x, ...carriers.x, ...sites.map((site) => site[1])], [...y, ...carriers.y, ...sites.map((site) => site[2])]];
     const [low, high] = [Math.min, Math.max].map((end) => all.map((values) => values.reduce((a, b) => end(a, b))));
     const half = 0.55 * Math.max(high[0] - low[0], high[1] - low[1], 1000);
     this.head.corner = low.map((value, k) => (value + high[k]) / 2 - half);
@@ -143,7 +164,7 @@ function none() {
 const live = new Live();
 const source = new EventSource(`events${location.search}`);
 let last = Date.now();
-for (const kind of ["head", "tracks", "plots", "alarms", "health"]) {
+for (const kind of ["head", "carriers", "tracks", "plots", "alarms", "health"]) {
   source.addEventListener(kind, (event) => {
     last = Date.now();
     live.take(kind, JSON.parse(event.data));
