@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
@@ -223,7 +223,7 @@ class Parameters:
 
         Detections of `timed` radars have individual times.
         """
-        found = {} if self.for_node else unspecified.parameters(findings, timed)
+        found = {} if self.for_node else proposal.unspecified(findings, timed)
         found |= {k: v for k, v in self.found.items() if k == "world_origin"}
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():

@@ -15,7 +15,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
-from . import consistency
+from . import consistency, distances
 from .accumulator import Accumulator, Group, Metric, Totals
 from .comparison import (
     ALL,
@@ -27,33 +27,22 @@ from .comparison import (
     set_names,
     without_slow,
 )
-from .distances import (
-    Classes,
-    GospaAccumulator,
-    Heights,
-    Nearness,
-    Numbers,
-    OspaAccumulator,
-    Pairs,
-    Space,
-    confusion_matrix,
-)
 from .tracks import LONG_GAP_S, OSPA2_WINDOW, Gaps, Ospa2Accumulator, Switches
 
 # The metrics, each with its accumulator, in the order of tables and keys.
 ACCUMULATORS = (
-    OspaAccumulator,
-    GospaAccumulator,
-    Numbers,
-    Pairs,
+    distances.OspaAccumulator,
+    distances.GospaAccumulator,
+    distances.Numbers,
+    distances.Pairs,
     Gaps,
     consistency.Consistency,
     Ospa2Accumulator,
     Switches,
-    Nearness,
-    Heights,
-    Space,
-    Classes,
+    distances.Nearness,
+    distances.Heights,
+    distances.Space,
+    distances.Classes,
 )
 METRICS = tuple(metric for each in ACCUMULATORS for metric in each.metrics)
 # Names of all values of a scan.
@@ -158,7 +147,9 @@ class RunScores:
         self._before = self._totals_with(self._values)
         self._values = self._comparer.compare(scan)
         truth, estimate = scan.truth.class_id, scan.estimate.class_id
-        self._confusion += confusion_matrix(scan.pairs, truth, estimate, len(self._sets) - 1)
+        self._confusion += distances.confusion_matrix(
+            scan.pairs, truth, estimate, len(self._sets) - 1
+        )
         return self._values
 
     def figures(self) -> dict[str, dict[str, Any]]:

@@ -17,7 +17,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import (
     DENSE_CLOUDS,
@@ -174,7 +174,7 @@ def proposed(
     timed = {radar: plots is not None and plots.timed for radar, plots in recorded.plots.items()}
     values = dict(given)
     if not specified:
-        values.update(unspecified.parameters(found, timed))
+        values.update(proposal.unspecified(found, timed))
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})

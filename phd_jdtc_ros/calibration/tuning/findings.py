@@ -12,28 +12,9 @@ from phd_jdtc_ros.configuration.parameters.radar import MOST_SECTORS
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 
+from . import rates
 from .noise import Noise, agreeing, find_outliers, fit_noise
 from .plots import Plots, Timing, sectors, timing_of
-from .rates import (
-    Copies,
-    Elevations,
-    Field,
-    Rate,
-    Velocities,
-    beside,
-    clutter_rate,
-    crowded,
-    detection_probability,
-    elevations,
-    ends,
-    field_of,
-    find_copies,
-    looks_of,
-    outside_land,
-    side_by_side,
-    velocities,
-    without_neighbours,
-)
 from .tracks import (
     Levels,
     LinkModel,
@@ -90,8 +71,10 @@ def slow_speed(
     count = np.bincount(look)
     # The number of plots of sources with one detection probability is binomial.
     probability = 1.0 - float(count.var() / count.mean())
-    seldom = probability < SELDOM * detection_probability(plots, timing, movers).value
-    apart = side_by_side(plots, timing, noise.range_std, noise.azimuth_std, fixed) < SIDE_BY_SIDE
+    seldom = probability < SELDOM * rates.detection_probability(plots, timing, movers).value
+    apart = (
+        rates.side_by_side(plots, timing, noise.range_std, noise.azimuth_std, fixed) < SIDE_BY_SIDE
+    )
     if not seldom and (count.mean() < MULTITUDE or apart):
         return 0.0
     return max(float(np.quantile(speeds, SLOW)), 0.0)
@@ -128,12 +111,12 @@ class Findings:
     timing: Timing
     noise: Noise  # The noise without outliers
     with_outliers: Noise | None  # The noise with outliers; None if it is not clearly more likely
-    detection: Rate  # Detection probability per look
-    ends: Rate  # Ends of tracks per look; see `rates.ends`
-    clutter: Rate  # False detections per look
+    detection: rates.Rate  # Detection probability per look
+    ends: rates.Rate  # Ends of tracks per look; see `rates.ends`
+    clutter: rates.Rate  # False detections per look
     # Their ranges and relative densities; None if they are uniform in range.
     clutter_density: tuple[FloatArray, FloatArray] | None
-    field: Field
+    field: rates.Field
     levels: Levels | None  # None without amplitudes
     # Root mean square velocity of the tracks along each axis, metres per second.
     speed_std: float
@@ -147,10 +130,10 @@ class Findings:
     slow_speed: float
     crowded: float  # Share of the plots in areas of dense clutter, land excepted
     beside: float  # Share of the tracks' plots with a further plot of the same target
-    velocity: Velocities | None = None  # None without measured velocities or range rates
-    elevations: Elevations | None = None  # None without measured elevations
+    velocity: rates.Velocities | None = None  # None without measured velocities or range rates
+    elevations: rates.Elevations | None = None  # None without measured elevations
     movers: int = 0  # Number of tracks that are longer than their noise
-    copies: Copies | None = None  # Copies of plots, which the other figures leave out
+    copies: rates.Copies | None = None  # Copies of plots, which the other figures leave out
 
     @property
     def false_share(self) -> float:
@@ -179,11 +162,11 @@ def findings(plots: Plots) -> Findings:
     _require_some(plots)
     found = _findings(plots)
     noise = found.noise.range_std, found.noise.azimuth_std
-    copies = find_copies(plots, found.timing, noise[0])
+    copies = rates.find_copies(plots, found.timing, noise[0])
     if copies is not None:
         rows = np.setdiff1d(np.arange(len(plots)), copies.rows)
     elif found.beside > MOST_BESIDE:
-        rows = without_neighbours(plots, found.timing, *noise)
+        rows = rates.without_neighbours(plots, found.timing, *noise)
     else:
         return found
     try:
@@ -210,13 +193,15 @@ def _findings(plots: Plots) -> Findings:
     except TuningError as error:
         part, _ = next(sectors(plots))
         raise TuningError(f"{error}; {_units(part)}") from None
-    rows = outside_land(plots, looks_of(plots, timing), noise.range_std, noise.azimuth_std)
+    rows = rates.outside_land(
+        plots, rates.looks_of(plots, timing), noise.range_std, noise.azimuth_std
+    )
     resting, slow = 1.0 - len(rows) / len(plots), 0.0
     if resting > MOST_LAND:
         fixed = np.setdiff1d(np.arange(len(plots)), rows)
         slow = slow_speed(plots, timing, tracks, noise, fixed)
     kept = rows if slow else np.arange(len(plots))
-    dense = np.intersect1d(crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)
+    dense = np.intersect1d(rates.crowded(plots, np.setdiff1d(rows, tracks.claimed)), rows)
     share = len(dense) / len(plots)
     if share > MOST_CROWDED:
         kept = np.setdiff1d(kept, dense)
@@ -228,7 +213,7 @@ def _findings(plots: Plots) -> Findings:
     # The sectors that were not linked have the same share of plots of targets as the others.
     others = np.setdiff1d(kept, linked)
     of_targets = len(others) * len(tracks.claimed) / len(linked)
-    clutter = clutter_rate(plots, timing, tracks, rows if slow else None, of_targets)
+    clutter = rates.clutter_rate(plots, timing, tracks, rows if slow else None, of_targets)
     false = np.setdiff1d(np.intersect1d(kept, linked), tracks.claimed)
     # A new target may move as fast as those that do, whatever else is at rest.
     movers, _ = moving(plots, tracks, noise)
@@ -240,23 +225,23 @@ def _findings(plots: Plots) -> Findings:
         timing,
         noise,
         None if outliers is None else agreeing(plots, tracks, outliers),
-        detection_probability(plots, timing, tracks),
-        ends(plots, timing, tracks),
+        rates.detection_probability(plots, timing, tracks),
+        rates.ends(plots, timing, tracks),
         clutter,
         None if plots.places else clutter_ranges(plots, false).table,
-        field_of(plots, tracks.claimed),
+        rates.field_of(plots, tracks.claimed),
         levels(known, tracks),
         speed_std,
         len(tracks.plots),
         len(plots),
-        looks_of(plots, timing),
+        rates.looks_of(plots, timing),
         plots.duration_s,
         resting,
         slow,
         share,
-        beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
-        velocities(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
-        elevations(plots, tracks),
+        rates.beside(plots, timing, tracks, noise.range_std, noise.azimuth_std, kept),
+        rates.velocities(plots, tracks, max(noise.range_std, noise.azimuth_std * plots.places)),
+        rates.elevations(plots, tracks),
         len(movers.plots),
     )
 
@@ -411,9 +396,9 @@ def _candidates(
         detection_probability=float(
             # Bounds of the detection probability in linking: certain detection would allow no
             # missed plot.
-            np.clip(detection_probability(plots, timing, tracks).value, 0.3, 0.98)
+            np.clip(rates.detection_probability(plots, timing, tracks).value, 0.3, 0.98)
         ),
-        clutter_rate=max(clutter_rate(plots, timing, tracks).value, 0.1),
+        clutter_rate=max(rates.clutter_rate(plots, timing, tracks).value, 0.1),
     )
     calm, hard = (max(density, LEAST_DENSITY) for density in noise.densities)
     fitting = replace(

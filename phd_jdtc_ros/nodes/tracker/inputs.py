@@ -421,7 +421,7 @@ def _changes(
 ) -> dict[str, Any] | None:
     """Return the parameters that clouds show; None if they are too few and not the `last`."""
     # Few trackers recognise a sensor, and all start the sooner without.
-    from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+    from phd_jdtc_ros.calibration.tuning import proposal
     from phd_jdtc_ros.calibration.tuning.findings import findings
     from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
     from phd_jdtc_ros.calibration.tuning.rates import area_of
@@ -455,7 +455,7 @@ def _changes(
         return changes if last else None
     found = replace(found, field=replace(found.field, area=area_of(plots.measurement)))
     if with_targets:
-        changes |= unspecified.parameters({name: found}, {name: plots.timed})
+        changes |= proposal.unspecified({name: found}, {name: plots.timed})
     changes["interval_s"] = proposal.interval_s({name: found})
     rows = proposal.rows(found, {}, name)
     return changes | {f"{name}.{row.name}": row.value for row in rows if row.proposed}
