@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
 from msg_adapters.encoding import RejectedMessageError
+from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -104,6 +105,7 @@ class Feed:
         self._delayed = range(len(config.inputs) if config.radars_by_platform else 0)
         self._notices, self._monitors = notices, monitors
         self._why_missing = why_missing
+        self._refused: dict[int, PoseFault] = {}  # Why the latest pose of a radar is not used
 
     def message(
         self, radar: int, read: Callable[[], Report], received_ns: int | None = None
@@ -127,8 +129,8 @@ class Feed:
         events = self.pipeline.add(
             radar, report.stamp_ns, report.detections, report.sector, received_ns
         )
-        if anomalies := report.anomalies + self.pipeline.take_anomalies(radar):
-            self._notices.on_anomalies(radar, anomalies)
+        if noticed := report.anomalies + self.pipeline.take_anomalies(radar):
+            self._notices.on_anomalies(radar, noticed)
         self._notices.on_revolution_period(radar, self.pipeline.first_period_s(radar))
         if isinstance(events, Rejection):
             self._notices.on_rejection(radar, events.value, report)
@@ -168,8 +170,10 @@ class Feed:
             events = self.pipeline.add_pose(radar, stamp_ns, pose)
             if isinstance(events, PoseFault):
                 found.append(events)
+                self._refused[radar] = events
             else:
                 used = True
+                self._refused.pop(radar, None)
                 yield from self._monitor(events)
         if used or found:
             self._notices.on_pose(topic, found)
@@ -200,11 +204,17 @@ class Feed:
         if counts := self.pipeline.take_unused_reports():
             self._notices.on_unused_reports(counts)
         for radar, drops in self.pipeline.take_drops():
-            why = self._why_missing(radar) if POSE_MISSING in drops.reports else ""
+            why = self._why_no_pose(radar) if POSE_MISSING in drops.reports else ""
             self._notices.on_drops(radar, drops, why)
         for radar in self._delayed:
-            if anomalies := self.pipeline.take_anomalies(radar):
-                self._notices.on_anomalies(radar, anomalies)
+            if noticed := self.pipeline.take_anomalies(radar):
+                self._notices.on_anomalies(radar, noticed)
+
+    def _why_no_pose(self, radar: int) -> str:
+        fault = self._refused.get(radar)
+        if fault is None:
+            return self._why_missing(radar)
+        return f"the latest pose is rejected: {anomalies.POSE_FAULTS[fault]}"
 
 
 class StepClock:

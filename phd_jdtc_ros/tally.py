@@ -49,18 +49,18 @@ class DetectionCounts:
     offered: int = 0
     lost: Counter[str] = field(default_factory=Counter)  # Unused detections by reason
     _unreadable: int = 0
-    _details: dict[str, str] = field(default_factory=dict)  # Of the first message, by reason
+    _details: dict[str, str] = field(default_factory=dict)  # What is wrong, by reason
 
     def unreadable(self, reason: str, detail: str) -> None:
         """Count a message that cannot be read."""
         self.offered += 1
         self.lost[reason] += 1
         self._unreadable += 1
-        self.explain(reason, detail)
+        self._details.setdefault(reason, detail)  # That of the first message
 
     def explain(self, reason: str, detail: str) -> None:
-        """Keep what is wrong with the first message behind a reason."""
-        self._details.setdefault(reason, detail)
+        """Keep what is wrong, until there is a later explanation of the reason."""
+        self._details[reason] = detail
 
     def read(self, kept: int, dropped: Mapping[str, int]) -> None:
         """Count a message's detections: the kept ones, and the dropped ones by reason."""
@@ -91,7 +91,7 @@ class DetectionCounts:
         )
 
     def _hint(self, reason: str) -> str:
-        """Return what to check for a reason, and what is wrong with the first message."""
+        """Return what to check for a reason, and what is wrong."""
         known = PARAMETERS.get(reason), self._details.get(reason)
         hint = ": ".join(each for each in known if each)
         return f" ({hint})" if hint else ""

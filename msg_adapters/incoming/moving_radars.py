@@ -122,7 +122,7 @@ def _attitude(turn: Quaternion) -> tuple[float, tuple[float, float]]:
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not LEAST_NORM <= norm <= LARGEST_NORM:  # It is true for NaN too
         return math.nan, LEVEL
-    return attitude((turn.x, turn.y, turn.z, turn.w))[:2]
+    return attitude((turn.x, turn.y, turn.z, turn.w))
 
 
 def plain(frame: str) -> str:

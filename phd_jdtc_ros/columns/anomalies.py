@@ -12,6 +12,7 @@ from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
+from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
 
 from .selection import NO_ANGLE
@@ -78,10 +79,23 @@ def no_amplitude(radar: SensorParameters) -> str:
     return f"{lack}; classification does not use its amplitudes"
 
 
+POSE_FAULTS = {
+    PoseFault.DUPLICATE: "duplicate stamp",
+    PoseFault.LATE: "older than the previous pose",
+    PoseFault.JUMP: "a jump from the previous pose; accepted once later poses continue from it",
+    PoseFault.ORIENTATION: "its orientation is not a quaternion, or its z axis does not point up, "
+    "as of a radar upside down or of a camera's optical frame",
+    PoseFault.CIRCLE: "a transform whose parent is below its frame, which closes a circle",
+}
+
+
 def reparented(count: int = 1) -> str:
-    """Return the warning that transforms gave a frame of a radar's chain another parent."""
+    """Return the warning that a frame of a radar's chain has two parents, or is on both topics."""
     often = f", {count} times" if count > 1 else ""
-    return f"a frame of a radar's chain of transforms got another parent{often}; the latest counts"
+    return (
+        "a frame of a radar's chain of transforms got another parent, or is on /tf and on "
+        f"/tf_static{often}; the latest counts"
+    )
 
 
 def started_again(reset: Reset, jumps: int = 1) -> str:

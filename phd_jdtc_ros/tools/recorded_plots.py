@@ -6,13 +6,14 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from msg_adapters.encoding import RejectedMessageError, interfaces, names
-from msg_adapters.incoming import recognised
+from msg_adapters.incoming import moving_radars, recognised
 from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags import BagError
@@ -32,11 +33,17 @@ from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.position_selection import unlimited
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters.place_forms import (
+    STATIC_TRANSFORMS,
+    TF,
+    TRANSFORM_TOPICS,
+)
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters, Units
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.input_checks import NOT_IN_RECORDINGS
+from phd_jdtc_ros.core.intake.transforms import TransformBuffer
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
@@ -83,12 +90,12 @@ def read(
     kept, unread, farthest = [0 for _ in inputs], [0 for _ in inputs], [0.0 for _ in inputs]
     places: list[list[FloatArray]] = [[] for _ in inputs]
     intact, moving = Intact(bag), MovingRadars(config)
-    without: dict[int, str] = {}  # Why a radar has no pose where it first has none
+    without: dict[int, str] = {}  # Why a radar has no pose where it last has none
     until_ns = None if seconds is None else bag.start_ns + round(seconds * 1e9)
     for report in posed_reports(intact, config, inputs, dropped, until_ns, check, moving):
         if report.detections is None:
             dropped[report.radar]["pose_missing"] += 1
-            without.setdefault(report.radar, moving.missing(report.radar))
+            without[report.radar] = moving.missing(report.radar)
             continue
         radar, detections = report.radar, report.detections
         if isinstance(inputs[radar], PositionParameters):
@@ -238,7 +245,27 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
             f"{'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file and give it "
             "as --params-file"
         )
-    return found
+    frames = {name: moving_radars.plain(found[f"{name}.frame"]) for name in found["sensors"]}
+    return found | _placed(bag, frames)
+
+
+def _placed(bag: BagReader, frames: Mapping[str, str]) -> dict[str, Any]:
+    """Return the parameters of the sensors whose frames transforms place in a common frame."""
+    topics = [topic for topic in TRANSFORM_TOPICS if bag.types.get(topic) == names.TRANSFORMS]
+    buffer = TransformBuffer("", frames.values())
+    # Number of messages in which every robot has sent its whole tree.
+    for entry in islice(Intact(bag).messages(topics), 1000):
+        try:
+            for each in moving_radars.transforms_from_cdr(entry.data, lambda frame: False):
+                buffer.add(each, static=entry.topic == STATIC_TRANSFORMS)
+        except RejectedMessageError:
+            continue
+    above = {name: buffer.path(frame)[1:] for name, frame in frames.items()}
+    longest = max(above.values(), key=len)
+    # The usual names of frames that do not move; without one of them that above all others.
+    world = next((frame for frame in ("map", "odom", *longest[-1:]) if frame in longest), None)
+    placed = {f"{name}.pose": TF for name, path in above.items() if world in path}
+    return {"world_frame": world, **placed} if placed else {}
 
 
 def _clouds(bag: BagReader, topic: str) -> list[Any]:

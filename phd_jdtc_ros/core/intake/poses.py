@@ -24,6 +24,9 @@ from ..types import LEVEL, Pose, angles_of, rotation_of
 
 # Shortest interval over which a velocity is computed, seconds.
 VELOCITY_S = 0.1
+# Largest angle, radians, between the z axis of a platform in the plane and the vertical. Of a frame
+# that lies on its side, such as a camera's, or is upside down, azimuths are not in the plane.
+STEEPEST = math.radians(60.0)
 
 
 class PoseFault(Enum):
@@ -33,7 +36,7 @@ class PoseFault(Enum):
     LATE = "late"
     JUMP = "jump"
     ORIENTATION = "orientation"
-    PARENT = "parent"  # The frame had another parent before; the pose is used
+    PARENT = "parent"  # The frame had another parent, or was on the other topic; the pose is used
     CIRCLE = "circle"  # The parent is a descendant of the frame; the transform is not used
 
 
@@ -110,11 +113,13 @@ class PoseTrack:
 
         Return why it was rejected, or None.
         """
+        upright = True
         if not self.in_space:
+            upright = math.cos(pose.tilt[0]) * math.cos(pose.tilt[1]) > math.cos(STEEPEST)
             pose = replace(pose, height=0.0, tilt=LEVEL)
         if not self.yaw_applies:
             pose = replace(pose, yaw=0.0, tilt=LEVEL, twist=_in_the_world(pose))
-        elif not math.isfinite(pose.yaw):
+        elif not (upright and math.isfinite(pose.yaw)):
             return PoseFault.ORIENTATION
         self._fixed = pose if stamp_ns is None else None
         if stamp_ns is None:

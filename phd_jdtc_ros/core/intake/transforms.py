@@ -29,14 +29,14 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-def attitude(rotation: Quaternion) -> tuple[float, tuple[float, float], bool]:
-    """Return the yaw and the tilt of a pose, see `Pose`, and whether its z axis points up."""
+def attitude(rotation: Quaternion) -> tuple[float, tuple[float, float]]:
+    """Return the yaw and the tilt of a pose, see `Pose`."""
     i, j, k, w = rotation
     ahead, left = w**2 + i**2 - j**2 - k**2, 2.0 * (i * j + w * k)
     up, across = 2.0 * (i * k - w * j), 2.0 * (j * k + w * i)
     above = w**2 + k**2 - i**2 - j**2
     tilt = math.atan2(up, math.hypot(ahead, left)), math.atan2(across, above)
-    return math.atan2(left, ahead), tilt, above > 0.0
+    return math.atan2(left, ahead), tilt
 
 
 def of_angles(yaw: float, tilt: tuple[float, float]) -> Quaternion:
@@ -93,9 +93,8 @@ class Placement(NamedTuple):
         return Placement((x, y, z), (i, j, k, w))
 
     def pose(self) -> Pose:
-        """Return it as a pose; the yaw is NaN if the frame's z axis does not point up."""
-        yaw, tilt, upright = attitude(self.rotation)
-        yaw = yaw if upright else math.nan
+        """Return it as a pose."""
+        yaw, tilt = attitude(self.rotation)
         return Pose(self.translation[:2], yaw, height=self.translation[2], tilt=tilt)
 
     def _turned(self, vector: Vector) -> Vector:
@@ -181,21 +180,27 @@ class TransformBuffer:
     def add(self, transform: Transform, static: bool) -> PoseFault | None:
         """Add a transform, unless it closes a circle; return what is wrong with it.
 
-        A frame of a chain that had another parent before has the new one.
+        A circle through the world frame is opened above that, however late it is closed.
+        The latest counts if a frame of a chain had another parent before, or had it on the topic
+        of the transforms of the other kind.
         """
         parent, child, stamp_ns, placement = transform
-        if child in self._path(parent):
-            return PoseFault.CIRCLE
+        above, circle = self.path(parent), None
+        if child in above:
+            circle = PoseFault.CIRCLE
+            if self._world not in above[: above.index(child)]:
+                return circle
+            del self._links[self._world]
         link, moved = self._links.get(child), False
         if link is None or (link.parent, link.static) != (parent, static):
-            moved = link is not None and link.parent != parent and self.needs(child)
+            moved = link is not None and self.needs(child)
             if link is None and len(self._links) >= MOST_FRAMES:
                 del self._links[next(name for name in self._links if not self.needs(name))]
             link = self._links[child] = _Link(parent, static)
             self._find_chains()
         history_ns = HISTORY_S * 1e9 if self.needs(child) else 0.0
         link.add(stamp_ns, placement, self._reset_ns, history_ns)
-        return PoseFault.PARENT if moved else None
+        return circle or (PoseFault.PARENT if moved else None)
 
     def needs(self, frame: str) -> bool:
         """Return whether a frame's transform is in a chain, as far as the chains are known."""
@@ -233,9 +238,11 @@ class TransformBuffer:
         """Return where the chain from a frame to the world is broken; empty if it is not."""
         if self._chains[frame].frames is not None:
             return ""
-        end = self._path(frame)[-1]
+        path = self.path(frame)
+        end = path[-1]
+        why = f"has more than {LONGEST_CHAIN} frames" if len(path) == LONGEST_CHAIN else "ends"
         return (
-            f"no transform from {end!r} to {self._world!r}: the chain from {frame!r} ends at "
+            f"no transform from {end!r} to {self._world!r}: the chain from {frame!r} {why} at "
             f"{end!r}"
         )
 
@@ -261,6 +268,16 @@ class TransformBuffer:
             f"{begin_ns / 1e9:.3f} s"
         )
 
+    def path(self, frame: str) -> list[str]:
+        """Return a frame and its ancestors, none of them twice."""
+        path = [frame]
+        while len(path) < LONGEST_CHAIN:
+            link = self._links.get(path[-1])
+            if link is None or link.parent in path:
+                break
+            path.append(link.parent)
+        return path
+
     def _pose(self, chain: _Chain, stamp_ns: int) -> Pose:
         up, down = (self._placement(names, stamp_ns) for names in chain.frames or ([], []))
         return down.inverse().of(up).pose()
@@ -273,23 +290,13 @@ class TransformBuffer:
         return placement
 
     def _find_chains(self) -> None:
-        down = self._path(self._world)
+        down = self.path(self._world)
         self._chained = {*down}
         for frame, chain in self._chains.items():
-            up, chain.frames, chain.moving = self._path(frame), None, []
+            up, chain.frames, chain.moving = self.path(frame), None, []
             self._chained.update(up)
             common = next((name for name in up if name in down), None)
             if common is not None:
                 chain.frames = up[: up.index(common)], down[: down.index(common)]
                 links = [self._links[name] for part in chain.frames for name in part]
                 chain.moving = [link for link in links if not link.static]
-
-    def _path(self, frame: str) -> list[str]:
-        """Return a frame and its ancestors, none of them twice."""
-        path = [frame]
-        while len(path) < LONGEST_CHAIN:
-            link = self._links.get(path[-1])
-            if link is None or link.parent in path:
-                break
-            path.append(link.parent)
-        return path

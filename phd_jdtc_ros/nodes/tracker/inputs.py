@@ -46,14 +46,6 @@ from .endpoints import Listener
 from .input_health import InputHealth
 from .settings import Settings
 
-POSE_FAULTS = {
-    PoseFault.DUPLICATE: "duplicate stamp",
-    PoseFault.LATE: "older than the previous pose",
-    PoseFault.JUMP: "a jump from the previous pose; accepted once later poses continue from it",
-    PoseFault.ORIENTATION: "its orientation is not a quaternion, or upside down; pose may be "
-    "stabilised",
-    PoseFault.CIRCLE: "a transform whose parent is below its frame, which closes a circle",
-}
 # Poses come much more often than scans, and wait while one is stepped; and transforms of a whole
 # fleet may come on one topic.
 POSE_DEPTH, TRANSFORM_DEPTH = 200, 1000
@@ -276,7 +268,7 @@ class Inputs:
                 health.warn(anomalies.reparented())
                 self._warnings.warn((topic, fault), f"{topic}: {anomalies.reparented()}")
             else:
-                self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+                self._drop(health, fault.value, f"pose rejected: {anomalies.POSE_FAULTS[fault]}")
         if not faults:
             health.rhythm.beat(time.monotonic())
 

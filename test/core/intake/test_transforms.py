@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.intake import transforms
-from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.poses import PoseFault, PoseTrack
 from phd_jdtc_ros.core.intake.transforms import Placement, Transform, TransformBuffer
 
 S = 10**9
@@ -116,6 +116,14 @@ def test_a_transform_that_closes_a_circle_changes_no_pose(parent, child):
     assert [pose.position for _, pose in found.poses("radar")] == [(6.0, 2.0)]
 
 
+def test_a_stray_transform_of_the_world_frame_does_not_keep_out_the_chain_to_it():
+    found = buffer(("radar", "map", at(900.0, 0.0)), ("base", "radar", at(1.0, 0.0)))
+    odometry = Transform("map", "base", 0, at(0.0, 2.0))
+    assert found.add(odometry, static=True) is PoseFault.CIRCLE
+    assert not found.add(odometry, static=True)
+    assert [pose.position for _, pose in found.poses("radar")] == [(1.0, 2.0)]
+
+
 def test_a_transform_of_another_clock_is_named_beside_the_one_that_it_does_not_reach():
     found = buffer(("base", "radar", at(1.0, 0.0)))
     for stamp_s in range(3):
@@ -138,9 +146,20 @@ def test_a_frame_with_two_parents_has_the_latest_and_is_noticed_if_it_is_in_a_ch
     assert not found.add(Transform("other", "far", 1, at(0.0, 0.0)), static=True)
 
 
-def test_an_upside_down_radar_has_no_yaw():
-    found = buffer(("map", "radar", Placement((1.0, 2.0, 3.0), turned((1, 0, 0), math.pi))))
-    assert math.isnan(found.poses("radar")[0][1].yaw)
+def test_a_frame_on_both_topics_has_the_latest_transform_and_is_noticed():
+    found = buffer(("map", "radar", at(1.0, 0.0)))
+    moving = Transform("map", "radar", S, at(2.0, 0.0))
+    assert found.add(moving, static=False) is PoseFault.PARENT
+    assert [pose.position for _, pose in found.poses("radar")] == [(2.0, 0.0)]
+
+
+@pytest.mark.parametrize("steep", [False, True])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (1, 1, 0)])
+def test_a_frame_that_lies_on_its_side_has_no_pose_in_the_plane_but_in_space(axis, steep):
+    for angle in (math.pi / 2, math.pi, 4.0) if steep else (0.0, 0.5, 0.9):
+        placed = Placement((1.0, 2.0, 3.0), turned(axis, angle)).pose()
+        assert PoseTrack().add(0, placed) is (PoseFault.ORIENTATION if steep else None)
+        assert PoseTrack(in_space=True).add(0, placed) is None
 
 
 def test_stamps_that_jump_back_begin_a_new_run():

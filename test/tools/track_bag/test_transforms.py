@@ -13,6 +13,7 @@ from msg_adapters.incoming import moving_radars
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
+from phd_jdtc_ros.core.intake.transforms import Placement
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.tools import recorded_plots, track_bag
 
@@ -120,8 +121,37 @@ def test_a_frame_with_two_parents_is_warned_of_and_not_dropped(tmp_path):
     other = STATIC, tf_messages.mounting("odom"), messages[9][2]
     tracker, _ = tracked(tmp_path, [*messages[:9], other, *mounted(messages[9:])])
     assert not tracker.tally.dropped
-    text = "a frame of a radar's chain of transforms got another parent, 2 times"
-    assert [line for line in tracker.warnings() if line.startswith(text)]
+    text = "got another parent, or is on /tf and on /tf_static, 2 times; the latest counts"
+    assert [line for line in tracker.warnings() if line.endswith(text)]
+
+
+def test_a_radar_on_its_side_is_refused_for_that_and_not_for_late_transforms(tmp_path):
+    optical = Placement((10.0, -3.0, 12.0), (-0.5, 0.5, -0.5, 0.5))
+    messages = [m for m in mounted(tf_messages.carried()) if child_of(m) != "mast"]
+    placed = STATIC, tf_messages.message(("base_link", "mast", 0, optical)), messages[0][2]
+    tracker, found = tracked(tmp_path, [placed, *messages])
+    assert not found
+    assert "its z axis does not point up" in tracker.tally.fault()
+
+
+def test_transforms_that_come_too_late_are_named_and_not_the_beginning_without_any(tmp_path):
+    messages = mounted(tf_messages.carried())
+    late = [(*m[:2], m[2] + (0 if m[0] == CLOUDS else 4 * 10**9)) for m in messages]
+    tracker, _ = tracked(tmp_path, sorted(late, key=lambda message: message[2]))
+    assert "the transform from 'base_link' to 'odom' ends at" in tracker.tally.fault()
+
+
+@pytest.mark.parametrize("world", ["map", "odom", "arena"])
+def test_with_nothing_set_a_sensor_is_where_transforms_place_it(tmp_path, world):
+    messages = [m for m in mounted(tf_messages.carried()) if child_of(m) in (None, "mast")]
+    above = "earth" if world != "arena" else ""
+    for parent, child in [(world, "base_link"), *([(above, world)] if above else [])]:
+        place = tf_messages.upright(1.0, 2.0, 0.0)
+        data = tf_messages.message((parent, child, messages[0][2], place))
+        messages.insert(0, (LIVE, data, messages[0][2]))
+    kinds = [Topic(CLOUDS, names.CLOUD), *tf_messages.topics(LIVE, STATIC)]
+    found = recorded_plots.recognised_radars(BagReader(write(tmp_path / "bag", kinds, messages)))
+    assert (found["world_frame"], found["mast.pose"]) == (world, "tf")
 
 
 def test_a_bag_without_transforms_is_refused(tmp_path):
