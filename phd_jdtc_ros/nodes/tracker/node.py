@@ -6,6 +6,7 @@ A managed node. Its lifecycle and its parameters are here; the processing of sca
 from __future__ import annotations
 
 import importlib
+import re
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.tracks.manual import VERBS
 from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -371,10 +373,28 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
     )
 
 
+def _load(given: str) -> None:
+    """Load the compiled functions that the parameters in a text may need.
+
+    Until the node begins a signal ends the process at once, and the status says what is done.
+    """
+    needed = (
+        ("", "window.fixed_lag"),
+        ("", "sensors.of_gaussians.polar"),
+        (r"kind\W+reports", "reports.beside"),
+        (r"kind\W+position", "sensors.of_gaussians.planar"),
+        (r"state\W+space", "sensors.of_gaussians.spatial"),
+    )
+    for words, module in needed:
+        if re.search(words, given):
+            importlib.import_module(f"phd_jdtc_ros.core.{module}")
+    if re.search(r"state\W+space", given):
+        compilation.compile_for(len(SPATIAL))
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = parameters.given_files("tracker", __doc__, argv)
-    # This loads all compiled functions while a signal still ends the process at once.
     with report_compilation(argv):
-        importlib.import_module("phd_jdtc_ros.core.window.fixed_lag")
+        _load(" ".join([*argv, *(repr(file.sections) for file in files)]))
     return runtime.run("tracker", lambda: Tracker(files), argv)

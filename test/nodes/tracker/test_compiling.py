@@ -1,5 +1,8 @@
 """A tracker that compiles says so before its node exists."""
 
+import subprocess
+import sys
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
@@ -33,3 +36,25 @@ def test_reported_makes_no_node_where_nothing_is_compiled(peer):
     with node.report_compilation(ARGUMENTS):
         assert not peer.spin_until(lambda: peer.node.count_publishers("/diagnostics"), 1.0)
     assert compilation.ON_COMPILATION == []
+
+
+CONFIGURED_AFTER_LOADING = """
+import sys
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
+from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.nodes.tracker import node
+from phd_jdtc_ros.parameter_files import from_arguments
+
+given = from_arguments.profile(sys.argv[1])
+node._load(repr(given))
+loaded = len(compilation._COMPILED_BY), len(compilation._OF_SIZE)
+new_pipeline(resolve({**given, "world_origin": []}))
+assert loaded == (len(compilation._COMPILED_BY), len(compilation._OF_SIZE)), loaded
+"""
+
+
+@pytest.mark.parametrize("profile", ["surveillance", "harbour", "lidar", "drone", "phd"])
+def test_nothing_is_compiled_by_a_node_that_must_answer_and_stop(profile):
+    code = [sys.executable, "-c", CONFIGURED_AFTER_LOADING, profile]
+    subprocess.run(code, check=True)
