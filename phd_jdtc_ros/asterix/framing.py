@@ -1,7 +1,7 @@
 """Reads datagrams from recordings of ASTERIX.
 
 The first bytes identify the format: plain consecutive data blocks (`RawBlocks`), data blocks in
-envelopes of the IOSS "final" format, or a network capture (`pcap`); each may be packed by gzip.
+envelopes of the IOSS "final" format, or a network capture (`pcap`); each may be packed.
 """
 
 from __future__ import annotations
@@ -189,7 +189,8 @@ def kind_of(data: bytes | mmap.mmap) -> str:
         return RAW
     raise RecordingError(
         "is not a recording of ASTERIX: it must begin with a data block, with an envelope of the "
-        "final format, or as a capture (pcap, pcapng), each as it is or packed by gzip"
+        "final format, or as a capture (pcap, pcapng), each as it is or packed by one of "
+        f"{pcap.PACKINGS}"
     )
 
 

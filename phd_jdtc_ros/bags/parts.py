@@ -21,9 +21,16 @@ from .chunks import DamageError
 from .salvage import MAGIC
 
 CDR = "cdr"
-_SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
-_GZIP = b"\x1f\x8b"
-_LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
+_SQLITE, _ROS1 = b"SQLite format 3\0", b"#ROSBAG V"
+# What unpacks a file, by its beginning.
+_UNPACKED_BY = {
+    b"\x28\xb5\x2f\xfd": "zstd -dc",
+    b"\x1f\x8b": "gzip -dc",
+    b"BZh": "bzip2 -dc",
+    b"\xfd7zXZ\0": "xz -dc",
+    b"PK\x03\x04": "unzip -p",
+}
+_LONGEST = max(map(len, (_SQLITE, _ROS1, *_UNPACKED_BY)))
 _NO_BAG = (
     "is not an MCAP file; asterix_bridge converts recordings of ASTERIX, and report_bridge those "
     "of AIS and ADS-B; tables are for Python, see docs/csv.md"
@@ -46,14 +53,14 @@ def file_fault(path: Path) -> str:
     with path.open("rb") as stream:
         begin = stream.read(_LONGEST)
     name = shlex.quote(str(path))
-    if begin.startswith((_ZSTD, _GZIP)):
-        unpacked = shlex.quote(str(path.with_suffix("")))
-        others = len(list(path.parent.glob(f"*{path.suffix}"))) > 1
-        return f"is compressed as a file; unpack it{', and all others like it' * others}: " + (
-            f"zstd -d {name} -o {unpacked}"
-            if begin.startswith(_ZSTD)
-            else f"gzip -dc {name} > {unpacked}"
-        )
+    for magic, unpack in _UNPACKED_BY.items():
+        if begin.startswith(magic):
+            unpacked = shlex.quote(str(path.with_suffix("")))
+            others = len(list(path.parent.glob(f"*{path.suffix}"))) > 1
+            return (
+                f"is compressed as a file; unpack it{', and all others like it' * others}: "
+                f"{unpack} {name} > {unpacked}"
+            )
     if begin.startswith(_ROS1):
         out = shlex.quote(str(path.with_suffix("")))
         return (

@@ -91,7 +91,10 @@ def opened(path: Path, counts: Counter[str]) -> Iterator[Any]:
     try:
         with pcap.open_recording(path, counts) as data:
             if not len(data):
-                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+                why = "is empty, nothing was recorded"
+                if counts["unpacking_ended"]:
+                    why = "is damaged: nothing can be unpacked"
+                raise BagError(f"{path}: {why}", corrupt=True)
             yield data
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
@@ -134,7 +137,7 @@ def damage(counts: Counter[str]) -> Iterator[str]:
     if cut := counts["packet_cut"]:
         yield f"has {cut} packets that were not captured whole, and are left out: tcpdump -s 0"
     if counts["unpacking_ended"]:
-        yield "gzip cannot unpack it to its end: what is behind the damage is missing"
+        yield "cannot be unpacked to its end: what is behind the damage is missing"
 
 
 def add_port_argument(parser: ArgumentParser) -> None:

@@ -166,7 +166,7 @@ def _parser() -> ArgumentParser:
     parser.add_argument(
         "source",
         help="recording: sentences of AIS, SBS-1, Beast or hexadecimal frames of 1090 MHz, or a "
-        "capture (pcap, pcapng) of them; gzip may have packed it",
+        "capture (pcap, pcapng) of them; gzip, bzip2, xz or zip may have packed it",
     )
     written = parser.add_mutually_exclusive_group(required=True)
     written.add_argument("--out", "--output", type=Path, help="directory of the new bag")

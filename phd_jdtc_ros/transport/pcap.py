@@ -1,4 +1,4 @@
-"""Opens recordings, which gzip may have packed; reads and writes captures of UDP datagrams.
+"""Opens recordings, which may be packed; reads and writes captures of UDP datagrams.
 
 Captures of the format pcap are read and written, and those of pcapng are read.
 
@@ -11,17 +11,20 @@ the next plausible packet or section.
 
 from __future__ import annotations
 
+import bz2
 import gzip
+import lzma
 import mmap
 import re
 import struct
 import tempfile
+import zipfile
 import zlib
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Literal, NamedTuple, Protocol
+from typing import IO, Any, Literal, NamedTuple, Protocol
 
 from .network import Datagram, Entry, Packet, Packets, RecordingError, follow
 
@@ -352,7 +355,26 @@ def _checksum(head: bytes) -> int:
 
 
 NS_PER_DAY = 86_400 * 10**9
-_GZIP = b"\x1f\x8b\x08"
+
+
+def _only_file(packed: IO[bytes]) -> IO[bytes]:
+    archive = zipfile.ZipFile(packed)
+    files = [each for each in archive.infolist() if not each.is_dir()]
+    if len(files) != 1:
+        raise RecordingError(f"is a zip archive of {len(files)} files, must be of one")
+    return archive.open(files[0])
+
+
+# The programs that may have packed a recording, with the beginning of their files.
+_PACKINGS: Mapping[bytes, tuple[str, Callable[[IO[bytes]], Any]]] = {
+    b"\x1f\x8b\x08": ("gzip", gzip.open),
+    b"BZh": ("bzip2", bz2.open),
+    b"\xfd7zXZ\0": ("xz", lzma.open),
+    b"PK\x03\x04": ("zip", _only_file),
+}
+# Those that must be unpacked before.
+_UNREAD = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4", b"7z\xbc\xaf": "7z"}
+PACKINGS = ", ".join(name for name, _ in _PACKINGS.values())
 # Upper bound of an unpacked recording, bytes, so that a small file does not fill the disk.
 LARGEST_UNPACKED, CHUNK = 2**35, 2**20
 
@@ -361,16 +383,20 @@ LARGEST_UNPACKED, CHUNK = 2**35, 2**20
 def open_recording(path: Path, counts: Counter[str]) -> Iterator[bytes | mmap.mmap]:
     """Open a file as bytes that are read from the disk on demand; raise `OSError` if unreadable.
 
-    A file that gzip has packed is unpacked to a temporary file. If it is damaged, `counts` gains
+    A packed file is unpacked to a temporary file. If it is damaged, `counts` gains
     ``unpacking_ended``, and the bytes before the damage are used. Raise `RecordingError` if it is
-    larger than `LARGEST_UNPACKED`.
+    larger than `LARGEST_UNPACKED`, an archive of several files, or packed in another way.
     """
     with path.open("rb") as stream, tempfile.TemporaryFile() as unpacked:
         source: IO[bytes] = stream
-        if stream.read(len(_GZIP)) == _GZIP:
-            stream.seek(0)
-            _unpack(stream, unpacked, counts)
-            source = unpacked
+        begin = stream.read(max(map(len, _PACKINGS)))
+        if begin[:4] in _UNREAD:
+            raise RecordingError(f"is packed by {_UNREAD[begin[:4]]}, must be unpacked before")
+        stream.seek(0)
+        for magic, packing in _PACKINGS.items():
+            if begin.startswith(magic):
+                _unpack(stream, packing[1], unpacked, counts)
+                source = unpacked
         if not source.seek(0, 2):
             yield b""
             return
@@ -378,16 +404,30 @@ def open_recording(path: Path, counts: Counter[str]) -> Iterator[bytes | mmap.mm
             yield data
 
 
-def _unpack(packed: IO[bytes], unpacked: IO[bytes], counts: Counter[str]) -> None:
+def _unpack(
+    packed: IO[bytes],
+    opened: Callable[[IO[bytes]], Any],
+    unpacked: IO[bytes],
+    counts: Counter[str],
+) -> None:
+    # Of encrypted archives and unknown methods.
+    unreadable = RuntimeError, NotImplementedError
     try:
-        with gzip.GzipFile(fileobj=packed) as stream:
+        with opened(packed) as stream:
             while part := stream.read1(CHUNK):
                 if unpacked.tell() + len(part) > LARGEST_UNPACKED:
                     raise RecordingError(
-                        f"is larger than {LARGEST_UNPACKED >> 30} GiB when gzip has unpacked it"
+                        f"is larger than {LARGEST_UNPACKED >> 30} GiB when it is unpacked"
                     )
                 unpacked.write(part)
-    except (EOFError, gzip.BadGzipFile, zlib.error):
+    except unreadable as error:
+        raise RecordingError(f"cannot be unpacked: {error}") from error
+    except (EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile):
+        counts["unpacking_ended"] += 1
+    except OSError as error:
+        # Damage of gzip's and bzip2's files, and no fault of the disk.
+        if error.errno is not None:
+            raise
         counts["unpacking_ended"] += 1
     unpacked.flush()
 

@@ -1,8 +1,14 @@
+import bz2
 import csv
 import gzip
+import io
+import lzma
+import zipfile
+from functools import partial
 from pathlib import Path
 
 import asterix_records as made
+import lz4.frame
 import numpy as np
 import pytest
 
@@ -342,15 +348,44 @@ def test_foreign_categories_are_counted_and_skipped_by_their_length(bridge):
     assert one == other
 
 
-@pytest.mark.parametrize("kept", [slice(None), slice(None, -20)], ids=["whole", "cut"])
-def test_packed_recording_is_unpacked(bridge, kept):
-    packed = gzip.compress(b"".join(made.revolutions(2, seen=SEEN)))[kept]
-    status, out, said = bridge(packed)
-    assert "left out: none" in said.out or status
+def zipped(data, files=("recording.ast",)):
+    """Return an archive of these files, all with the same data."""
+    with io.BytesIO() as stream:
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("tower/", "")
+            for name in files:
+                archive.writestr(f"tower/{name}", data)
+        return stream.getvalue()
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress, zipped])
+def test_packed_recording_is_unpacked(bridge, pack):
+    status, out, said = bridge(pack(b"".join(made.revolutions(2, seen=SEEN))))
+    assert (status, said.err) == (0, "")
+    assert "left out: none" in said.out
     assert BagReader(out).counts[TOPIC] > 20
-    assert (status, "gzip cannot unpack it to its end" in said.err) == (
-        (0, False) if kept.stop is None else (3, True)
-    )
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, partial(lzma.compress, preset=0)])
+def test_packed_recording_is_used_up_to_its_damage(bridge, pack):
+    status, out, said = bridge(pack(b"".join(made.revolutions(2, seen=SEEN)))[:-20])
+    assert BagReader(out).counts[TOPIC] > 20
+    assert (status, "cannot be unpacked to its end" in said.err) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("pack", "said"),
+    [
+        (lambda data: zipped(data)[:-20], "is damaged: nothing can be unpacked"),
+        (lambda data: bz2.compress(data)[:-20], "is damaged: nothing can be unpacked"),
+        (lambda data: zipped(data, "ab"), "is a zip archive of 2 files, must be of one"),
+        (lz4.frame.compress, "is packed by lz4, must be unpacked before"),
+    ],
+)
+def test_packed_recording_that_cannot_be_used_says_why(bridge, pack, said):
+    status, _, told = bridge(pack(b"".join(made.revolutions(2, seen=SEEN))))
+    assert status
+    assert said in told.err
 
 
 def test_radar_of_a_single_message_beside_others_is_left_out(bridge):
