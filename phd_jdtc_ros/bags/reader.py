@@ -25,16 +25,16 @@ from .writer import Topic
 
 @dataclass(frozen=True)
 class Part:
-    """A file of a bag, with its content."""
+    """A file of a bag, or one of several that were joined, with its content."""
 
     file: Path
     index: Index
 
     @staticmethod
-    def of(file: Path) -> Part:
-        """Return the part in a file; raise `BagError` if it cannot be read."""
+    def of(file: Path) -> list[Part]:
+        """Return the parts in a file, mostly one; raise `BagError` if it cannot be read."""
         with parts.guard(file), file.open("rb") as stream:
-            return Part(file, salvage.index(stream))
+            return [Part(file, index) for index in salvage.indexes(stream)]
 
 
 @dataclass
@@ -150,7 +150,7 @@ class BagReader:
         self.path = path
         self.restamped: frozenset[str] = frozenset()
         files, self._missing = parts.find(path)
-        self._parts = [Part.of(file) for file in files]
+        self._parts = [part for file in files for part in Part.of(file)]
         filled = [part.index for part in self._parts if part.index.counts.total()]
         self.start_ns = min((index.start_ns for index in filled), default=0)
         self.end_ns = max((index.end_ns for index in filled), default=0)

@@ -38,19 +38,44 @@ class _UnfinishedError(DamageError):
     """The file ends without a footer."""
 
 
-def index(stream: BinaryIO) -> Index:
-    """Return a file's index, from its summary if it is intact, else record by record."""
+def indexes(stream: BinaryIO) -> list[Index]:
+    """Return a file's index, from its summary if it is intact, else record by record.
+
+    There are several if whole files were joined, as by ``cat``.
+    """
     size = stream.seek(0, io.SEEK_END)
     try:
-        found = _from_summary(stream, size)
+        found = [_from_summary(stream, size)]
     except DamageError as error:
-        found = Index(damage=str(error))
-        walk(stream, len(MAGIC), size, found)
-        found.unfinished = isinstance(error, _UnfinishedError) and not found.lost_bytes
+        found, begin = [], 0
+        while not found or begin < size:
+            own = Index(damage=str(error))
+            after = walk(stream, begin + len(MAGIC), size, own)
+            begin = _joined(stream, after, size)
+            own.unfinished = isinstance(error, _UnfinishedError) and not own.lost_bytes
+            # The checksum of the last summary is that of the last file, at another place.
+            if not own.lost_bytes and (begin < size or (found and after < size)):
+                own.damage, own.unfinished = "", False
+            found.append(own)
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
-        found.damage, found.unfinished = "it does not begin as an MCAP file does", False
+        first = found[0]
+        first.damage, first.unfinished = "it does not begin as an MCAP file does", False
     return found
+
+
+def _joined(stream: BinaryIO, position: int, end: int) -> int:
+    """Return where what follows the end of a file begins, or `end` if nothing does."""
+    size = len(MAGIC)
+    for block_at in range(position, end, _BLOCK):
+        stream.seek(block_at)
+        block = stream.read(_BLOCK + 2 * size)
+        at = block.find(MAGIC)
+        if at >= 0:
+            # A file both begins and ends with it; one that was cut does not end.
+            at += size * (block[at + size : at + 2 * size] == MAGIC)
+            return block_at + at if block_at + at + size < end else end
+    return end
 
 
 def _from_summary(stream: BinaryIO, size: int) -> Index:

@@ -3,7 +3,7 @@ import random
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from small_bags import chunked, made, write
+from small_bags import TOPICS, chunked, made, write
 
 from phd_jdtc_ros.bags import chunks, salvage
 from phd_jdtc_ros.bags.reader import BagReader
@@ -202,3 +202,21 @@ def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkey
     assert found == []
     assert error.corrupt
     assert len(tried) == salvage._MOST_SEARCHES + 1
+
+
+@pytest.mark.parametrize("cut", [0, 36], ids=["whole", "without its footer"])
+def test_files_that_were_joined_are_read_as_one_recording(tmp_path, cut):
+    one, other = made()[:6], made()[6:]
+    # The channels have the same ids and different topics.
+    swapped = [(TOPICS[1].name if t == TOPICS[0].name else t, m, s) for t, m, s in other]
+    bags = write(tmp_path / "one", one), write(tmp_path / "two", swapped, TOPICS[::-1])
+    first, second = (next(bag.glob("*.mcap")).read_bytes() for bag in bags)
+    joined = tmp_path / "joined.mcap"
+    joined.write_bytes(first[: len(first) - cut] + second)
+    found, error = outcome(joined)
+    assert error is None
+    assert found == [*outcome(bags[0])[0], *outcome(bags[1])[0]]
+    joined.write_bytes(first + bytes(5000))
+    found, error = outcome(joined)
+    assert found == outcome(bags[0])[0]
+    assert "5000 of its bytes are lost" in str(error)
