@@ -15,7 +15,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.messages import ADS_B, MULTILATERATION, TRACKS
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
@@ -131,7 +131,7 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             _set_detection_probability(proposed, radar, own.detection.value)
     if found and found.keys() <= near:
         # Ships, vehicles and taxiing aircraft have other speeds and turns than aircraft in flight.
-        measured = unspecified.parameters(found, dict.fromkeys(found, True))
+        measured = proposal.unspecified(found, dict.fromkeys(found, True))
         densities = [f"{motion}.noise_density" for motion in ("cv", "ct", "hard")]
         for name in ("detection_births.std", *densities):
             proposed.set(name, measured[name], "measured: the radar sees less than 20 km")
