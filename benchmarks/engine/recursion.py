@@ -7,6 +7,7 @@ import time
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import gaussian_engine
 from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.gaussian.entries import Entry, UnsweptRows
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import Scenario
@@ -40,7 +41,9 @@ class TimedEngine:
     def step(self, scan: Scan) -> Step:
         """Take in a scan."""
         if self._start is not None:
-            self._engine.forward.start_from(scan.stamp_ns - self._interval_ns, self._start)
+            stamp_ns, forward = scan.stamp_ns - self._interval_ns, self._engine.forward
+            forward.stamp_ns = stamp_ns
+            forward.unswept = [UnsweptRows(Entry(stamp_ns, self._start))]
             self._start = None
         self.parts_ms = dict.fromkeys(PARTS, 0.0)
         self._latest_s = time.process_time()

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.models.amplitude_model import Memory
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets import birth, motion
@@ -63,7 +64,7 @@ def _survivors(targets: Targets, model: TrackerModel, rng: np.random.Generator) 
     moved = np.zeros_like(state)
     for own, law in enumerate(modes.motions):
         moved[mode == own] = motion.sample(law, state[mode == own], dt, rng)
-    log_snr = model.amplitudes.diffuse(log_snr, mode, modes, dt, rng)
+    log_snr = diffused_snr(log_snr, mode, model, dt, rng)
     return Targets(targets.number[lives], moved, mode, log_snr)
 
 
@@ -73,9 +74,38 @@ def _born(model: TrackerModel, before: int, rng: np.random.Generator) -> list[Ta
     for term in model.births:
         for _ in range(rng.poisson(term.rate.sum())):
             state, mode = birth.sample(term, model.modes, 1, rng)
-            log_snr = model.amplitudes.draw(mode, model.modes, rng)
+            log_snr = drawn_snr(mode, model, rng)
             found.append(Targets(np.array([before + len(found) + 1]), state, mode, log_snr))
     return found
+
+
+def drawn_snr(mode: IntArray, model: TrackerModel, rng: np.random.Generator) -> FloatArray:
+    """Return ln(1 + SNR) of new targets, (N,): uniform over their classes' bands, 0 if not kept."""
+    if not isinstance(model.amplitudes, Memory):
+        return np.zeros(len(mode))
+    low, high = _band_edges(mode, model)
+    return low + (high - low) * rng.random(len(mode))
+
+
+def diffused_snr(
+    log_snr: FloatArray, mode: IntArray, model: TrackerModel, dt: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return ln(1 + SNR) of targets `dt` seconds later, (N,), reflected into their bands."""
+    if not isinstance(model.amplitudes, Memory):
+        return log_snr
+    low, high = _band_edges(mode, model)
+    step = model.amplitudes.jitter * np.sqrt(dt / model.modes.interval_s)
+    stepped = log_snr + step * rng.standard_normal(len(log_snr))
+    stepped = np.where(stepped < low, 2.0 * low - stepped, stepped)
+    stepped = np.where(stepped > high, 2.0 * high - stepped, stepped)
+    inside: FloatArray = np.clip(stepped, low, high)
+    return inside
+
+
+def _band_edges(mode: IntArray, model: TrackerModel) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest ln(1 + SNR) of each mode's class, (N,)."""
+    bands = np.log1p([own.snr_band for own in model.modes.classes])[model.modes.class_of[mode]]
+    return bands[:, 0], bands[:, 1]
 
 
 def _joined(parts: Sequence[Targets]) -> Targets:

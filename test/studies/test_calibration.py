@@ -6,7 +6,7 @@ import pytest
 from reference import resolve
 
 from phd_jdtc_ros.core.types import Estimates, Truth
-from studies.calibration.drawn_truth import drawn_run
+from studies.calibration.drawn_truth import diffused_snr, drawn_run, drawn_snr
 from studies.calibration.scores import (
     CLASS_EDGES,
     EXISTENCE_EDGES,
@@ -51,6 +51,37 @@ def targets(position, class_id):
     state = np.zeros((len(position), 5))
     state[:, [0, 2]] = position
     return Truth(0, state, np.arange(1, len(position) + 1), np.array(class_id))
+
+
+def test_drawn_snr_is_uniform_in_the_band_of_its_class(drawn):
+    _, model = drawn
+    for mode in (0, len(model.modes) - 1):
+        low, high = np.log1p(model.modes.classes[model.modes.class_of[mode]].snr_band)
+        born = drawn_snr(np.full(4000, mode), model, np.random.default_rng(0))
+        assert born.min() >= low
+        assert born.max() <= high
+        # The standard error of a uniform mean over 4000 draws is 0.46 % of the width.
+        assert born.mean() == pytest.approx((low + high) / 2.0, abs=0.02 * (high - low))
+
+
+def test_drawn_snr_diffuses_within_its_band_by_the_square_root_of_time(drawn):
+    _, model = drawn
+    low, high = np.log1p(model.modes.classes[0].snr_band)
+    snr, mode, interval_s = (
+        np.linspace(low, high, 5000),
+        np.zeros(5000, int),
+        model.modes.interval_s,
+    )
+    moved = diffused_snr(snr, mode, model, interval_s, np.random.default_rng(0))
+    assert moved.min() >= low
+    assert moved.max() <= high
+    assert np.std(moved - snr) == pytest.approx(model.amplitudes.jitter, rel=0.05)
+    middle = np.full(5000, 0.5 * (low + high))
+    short, long = (
+        diffused_snr(middle, mode, model, dt, np.random.default_rng(0)) - middle
+        for dt in (interval_s, 4.0 * interval_s)
+    )
+    np.testing.assert_allclose(long, 2.0 * short)
 
 
 def test_drawn_targets_are_born_and_survive_in_their_class(drawn):

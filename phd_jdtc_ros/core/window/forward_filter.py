@@ -190,10 +190,6 @@ class ForwardFilter:
         self.places = ()
         self.factors = self._configured_factors
 
-    def start_from(self, stamp_ns: int, stored: Mixture) -> None:
-        """Use `stored` as the set of an earlier scan."""
-        self.stamp_ns, self.unswept = stamp_ns, [UnsweptRows(Entry(stamp_ns, stored))]
-
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
         progress = Progress(

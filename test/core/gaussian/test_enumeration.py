@@ -15,6 +15,7 @@ from lone import (
     mixture_of,
     path,
     scan_at,
+    start_from,
     started,
 )
 
@@ -166,7 +167,7 @@ def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empt
     engine = new_engine(config)
     both = mixture_of(engine.forward.dynamics, [(0.8, MEAN, STD)]).take(np.array([0, 0]))
     apart = both.changed(weight=both.weight * np.eye(2)[:, :, None])
-    engine.forward.start_from(START_NS, apart)
+    start_from(engine, START_NS, apart)
     filtered = [
         engine.step(scan_at(*each)).filtered[0] for each in zip(seconds, scans, strict=True)
     ]

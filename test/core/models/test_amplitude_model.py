@@ -12,102 +12,40 @@ MODES, RADAR = MODEL.modes, MODEL.radars[0]
 BANDS = np.log1p([c.snr_band for c in MODES.classes])
 
 
-def every_pair(log_snr, detections):
-    row, column = np.indices((len(log_snr), len(detections))).reshape(2, -1)
-    return row, column
-
-
-def test_band_and_ignored_amplitudes_remember_nothing():
-    rng = np.random.default_rng(0)
-    before = rng.bit_generator.state
-    mode = np.array([0, 3])
-    assert Band().draw(mode, MODES, rng).tolist() == [0.0, 0.0]
-    assert rng.bit_generator.state == before
+def test_ignored_amplitudes_are_left_out():
     report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
     assert Ignored().select(report).amplitude is None
     assert Band().select(report) is report
 
 
-def test_memory_is_born_uniform_in_the_band_of_its_class():
-    mode = np.repeat([0, 2], 4000)
-    born = Memory(0.1).draw(mode, MODES, np.random.default_rng(0))
-    for class_id, part in enumerate((born[:4000], born[4000:])):
-        low, high = BANDS[class_id]
-        assert part.min() >= low
-        assert part.max() <= high
-        # The standard error of a uniform mean over 4000 draws is 0.46 % of the width.
-        assert part.mean() == pytest.approx((low + high) / 2.0, abs=0.02 * (high - low))
-
-
-def test_memory_moves_by_its_jitter_and_the_interval():
-    memory = np.linspace(*BANDS[0], 5000)
-    mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
-    moved = Memory(0.1).diffuse(memory, mode, MODES, MODES.interval_s, rng)
-    assert moved.min() >= BANDS[0, 0]
-    assert moved.max() <= BANDS[0, 1]
-    assert np.std(moved - memory) == pytest.approx(0.1, rel=0.05)
-    memory = np.full(5000, BANDS[0].mean())
-    mode = np.zeros(5000, dtype=int)
-    short, long = (
-        Memory(0.1).diffuse(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
-        for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
-    )
-    np.testing.assert_allclose(long, 2.0 * short)
-
-
-@pytest.mark.parametrize("amplitude", [0.0, 3.0, 40.0, 200.0, 1e4])
-@pytest.mark.parametrize("mode", [0, 2])
-def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
-    count = 20_000
-    born = Memory(0.1).draw(
-        np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
-    )
-    low, high = BANDS[MODES.class_of[mode]]
-    edges = np.linspace(low, high, 2001)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    # The flat prior times the Rayleigh density of the amplitude.
-    log_density = -middle - 0.5 * max(amplitude, 1e-6) ** 2 * np.exp(-middle)
-    share = np.exp(log_density - log_density.max())
-    share /= share.sum()
-    mean = share @ middle
-    error = np.sqrt(share @ (middle - mean) ** 2 / count)
-    assert born.min() >= low
-    assert born.max() <= high
-    assert born.mean() == pytest.approx(mean, abs=4.5 * error + 1e-3 * (high - low))
-
-
 def test_memory_likelihood_integrates_to_its_detection_probability():
-    mode, log_snr, model = np.array([0]), np.array([np.log1p(30.0)]), Memory(0.1)
+    mode, log_snr, model = np.array([0]), np.array([[np.log1p(30.0)]]), Memory(0.1)
 
     def density(a):
         report = View.of(RADAR, Detections(np.ones((1, 2)), np.array([a])))
-        pairs = every_pair(log_snr, report)
-        return float(np.exp(model.log_likelihood(mode, log_snr, report, pairs, MODES))[0])
+        return float(np.exp(model.log_cell_likelihood(log_snr, report, MODES)).item())
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
-    (expected,) = model.detection_probability(mode, log_snr, RADAR.threshold, MODES)
+    (expected,) = model.detection_probability(mode, log_snr[0], RADAR.threshold, MODES)
     assert mass == pytest.approx(expected, rel=1e-6)
 
 
 def test_memory_averaged_over_the_band_is_the_band_likelihood():
     # The band's closed form is the Rayleigh law averaged over ln(1 + d).
-    mode, log_snr = np.full(20001, 2), np.linspace(*BANDS[1], 20001)
+    log_snr = np.linspace(*BANDS.T, 20001, axis=1)
     report = View.of(RADAR, Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0])))
-    pairs = every_pair(log_snr, report)
-    remembered = np.exp(Memory(0.1).log_likelihood(mode, log_snr, report, pairs, MODES))
-    averaged = remembered.reshape(len(log_snr), 3).mean(axis=0)
-    band = np.exp(Band().log_likelihood(mode, log_snr, report, pairs, MODES))[:3]
+    averaged = np.exp(Memory(0.1).log_cell_likelihood(log_snr, report, MODES)).mean(axis=1)
+    band = np.exp(Band().log_cell_likelihood(log_snr, report, MODES))[:, 0]
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
 
 @pytest.mark.parametrize("model", [Band(), Memory(0.1)])
 def test_likelihood_without_amplitudes_is_the_detection_probability(model):
-    mode, log_snr = np.array([0, 0]), BANDS[0]
+    mode, log_snr = np.array([0, 2]), model.cells(MODES).log_snr[:, :1]
     report = View.of(RADAR, Detections(np.ones((2, 2)), None))
-    pairs = every_pair(log_snr, report)
-    likelihood = np.exp(model.log_likelihood(mode, log_snr, report, pairs, MODES))
-    expected = model.detection_probability(mode, log_snr, RADAR.threshold, MODES)
-    np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
+    likelihood = np.exp(model.log_cell_likelihood(log_snr, report, MODES))
+    expected = model.detection_probability(mode, log_snr[:, 0], RADAR.threshold, MODES)
+    np.testing.assert_allclose(*np.broadcast_arrays(likelihood, expected[:, None, None]))
 
 
 @pytest.mark.parametrize("model", [Band(), Ignored()])

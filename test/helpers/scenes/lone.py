@@ -7,6 +7,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.entries import Entry, UnsweptRows
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
@@ -101,8 +102,14 @@ def started(config, *targets):
     """Return an engine that starts with these targets, (existence, mean, std)."""
     engine = new_engine(config)
     stored = mixture_of(engine.forward.dynamics, targets or [(1.0, MEAN, STD)])
-    engine.forward.start_from(START_NS, stored)
+    start_from(engine, START_NS, stored)
     return engine
+
+
+def start_from(engine, stamp_ns, stored):
+    """Use a mixture as the set of an earlier scan of an engine."""
+    engine.forward.stamp_ns = stamp_ns
+    engine.forward.unswept = [UnsweptRows(Entry(stamp_ns, stored))]
 
 
 def updated(config, mixture, detections, **more):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, START_NS, STD, UNREDUCED, lone, mixture_of, scan_at
+from lone import MEAN, START_NS, STD, UNREDUCED, lone, mixture_of, scan_at, start_from
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association.claims import undetected
@@ -191,7 +191,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     stored = mixture_of(
         engine.forward.dynamics, [(r, m, STD) for r, m in zip(existence, means, strict=True)]
     )
-    engine.forward.start_from(START_NS, stored)
+    start_from(engine, START_NS, stored)
     belief = belief_of(({2: 0.6, 4: 0.1}, 0.2, 0.1), ({3: 0.5}, 0.2, 0.3))
     known = Beliefs(belief, Belief.fresh(2, attributes.address), Heights.fresh(2))
     factors = engine.forward.factors

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lone import STD, lone, mixture_of, scan_at
+from lone import STD, lone, mixture_of, scan_at, start_from
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -135,7 +135,7 @@ def test_a_range_rate_separates_two_targets_at_one_place():
     std[:4] = [1.0, 1.0, 1.0, 1.0]
     targets = [(0.9, state, std), (0.9, other, std)]
     stored = mixture_of(tracker.forward.dynamics, targets)
-    tracker.forward.start_from(10**12, stored)
+    start_from(tracker, 10**12, stored)
     moved = state.copy()
     moved[0] -= 0.8
     step = tracker.step(
