@@ -6,8 +6,8 @@
       |  unknown names, types and bounds     schema
       |  dataclasses that declare them       parameters
       |  kinds of sensors, names in lists    tables
-      |  consistency with each other         models, radar_models
-      |  units, matrices, models             models, radar_models
+      |  consistency with each other         models, sensor_models
+      |  units, matrices, models             models, sensor_models
     TrackerConfig                            build
       |                                      engines
     engine, pipeline

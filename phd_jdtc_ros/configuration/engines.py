@@ -19,7 +19,7 @@ from .build import TrackerConfig
 from .parameters.tracker import PHD
 
 if TYPE_CHECKING:
-    from phd_jdtc_ros.core.phd.engine import PhdEngine, Recursion
+    from phd_jdtc_ros.core.phd.engine import PhdEngine
     from phd_jdtc_ros.core.window.fixed_lag import GaussianEngine
 
 
@@ -45,26 +45,23 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
 
 
 def phd_engine(config: TrackerConfig) -> PhdEngine[Any, Any]:
-    """Return a new engine of the paper's PHD filter."""
-    from phd_jdtc_ros.core.phd.engine import PhdEngine
-
-    return PhdEngine(phd_recursion(config), config.lag, config.rule)
-
-
-def phd_recursion(config: TrackerConfig) -> Recursion[Any, Any]:
-    """Return the recursion of the paper's PHD filter that the engine's name says."""
+    """Return a new engine of the paper's PHD filter, with the recursion that its name says."""
     from phd_jdtc_ros.core.phd import extraction, smoothing
+    from phd_jdtc_ros.core.phd.engine import PhdEngine, Recursion
     from phd_jdtc_ros.core.phd.gaussian_filter import GaussianFilter
     from phd_jdtc_ros.core.phd.particle_filter import ParticleFilter
 
-    if config.engine == "phd_gaussian":
-        # Compiled functions are loaded now and not during the first scan.
-        _ = [sensor.of_gaussians for sensor in config.model.radars]
-        return GaussianFilter(config.model)
     death_term, extract = smoothing.bernoulli_death_term, extraction.components
     if config.engine == "phd_as_printed":
         death_term, extract = smoothing.printed_death_term, extraction.clusters
-    return ParticleFilter(config.model, config.budget, config.seed, death_term, extract)
+    recursion: Recursion[Any, Any]
+    if config.engine == "phd_gaussian":
+        # Compiled functions are loaded now and not during the first scan.
+        _ = [sensor.of_gaussians for sensor in config.model.radars]
+        recursion = GaussianFilter(config.model)
+    else:
+        recursion = ParticleFilter(config.model, config.budget, config.seed, death_term, extract)
+    return PhdEngine(recursion, config.lag, config.rule)
 
 
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {

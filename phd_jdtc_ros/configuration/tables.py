@@ -11,17 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from phd_jdtc_ros.core.factors import Factor
-from phd_jdtc_ros.core.intake.input_checks import ReportCheck
+from phd_jdtc_ros.core.intake.input_checks import PositionReportCheck, ReportCheck
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 
-from . import position_models, radar_models
-from .parameters import reports
+from . import sensor_models
 from .parameters.position import PositionParameters
 from .parameters.radar import RadarParameters
 from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import IMPLIED, USUAL, Birth, Motion, Parts, TargetClass, Tracking
-from .radar_models import radar_factors, radar_model
 from .schema import Parameter, build, expand, table
 
 S = TypeVar("S", bound=SensorParameters)
@@ -45,16 +43,20 @@ class SensorKind(Generic[S]):
 # By the value of ``kind``. The first one is the default.
 KINDS: Mapping[str, SensorKind[Any]] = {
     "radar": SensorKind(
-        RadarParameters, radar_model, radar_factors, radar_models.CHECKS, radar_models.report_check
+        RadarParameters,
+        sensor_models.radar_model,
+        sensor_models.radar_factors,
+        sensor_models.RADAR_CHECKS,
+        sensor_models.radar_report_check,
     ),
     "position": SensorKind(
         PositionParameters,
-        position_models.position_model,
-        position_models.position_factors,
-        position_models.CHECKS,
-        position_models.report_check,
+        sensor_models.position_model,
+        sensor_models.position_factors,
+        sensor_models.POSITION_CHECKS,
+        lambda _: PositionReportCheck(),
     ),
-    "reports": SensorKind(ReportsParameters, None, checks=reports.CHECKS),
+    "reports": SensorKind(ReportsParameters, None, checks=sensor_models.REPORTS_CHECKS),
 }
 
 

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import build, models, radar_models
+from phd_jdtc_ros.configuration import build, models, sensor_models
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.parameters.radar import LEARNED
@@ -114,7 +114,7 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("spawn.turn_rate_std", models.SPAWN_STD[2]),
         ("spawn.particles_per_target", models.SPAWN_PARTICLES),
         ("pose_max_speed", models.POSE_MAX_SPEED),
-        ("range_rate_span", radar_models.RANGE_RATE_SPAN),
+        ("range_rate_span", sensor_models.RANGE_RATE_SPAN),
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
         ("silent_after_scans", input_health.SILENT_AFTER_SCANS),

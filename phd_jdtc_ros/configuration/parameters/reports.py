@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -14,7 +13,6 @@ from phd_jdtc_ros.core.types.reports import SPACES
 
 from ..schema import SMALL, parameter
 from .sensor import SensorParameters
-from .tracker import PHD, Parts
 
 
 @dataclass(frozen=True)
@@ -78,24 +76,3 @@ class ReportsParameters(SensorParameters):
             max_age_s=self.max_age_s,
             coverage=np.reshape(self.coverage, (-1, 2)),
         )
-
-
-def _tracker(own: ReportsParameters, parts: Parts) -> Iterator[str]:
-    if parts.tracking.engine in PHD:
-        engine = parts.tracking.engine
-        yield f"{own.name}.kind: reports given, must be radar with engine {engine}"
-    for name in own.obliged:
-        if name not in parts.classes:
-            known = ", ".join(parts.classes)
-            yield f"{own.name}.obliged: {name!r} given, must be among classes {known}"
-
-
-def _coverage(own: ReportsParameters, parts: Parts) -> Iterator[str]:
-    count = len(own.coverage)
-    if count and (count % 2 or count < 6):
-        yield (
-            f"{own.name}.coverage: {count} numbers given, must be x and y of at least three corners"
-        )
-
-
-CHECKS = (_tracker, _coverage)

@@ -18,7 +18,7 @@
 `state` has the factors of all sensors as one value. It also has `transponder` and `recent_looks`,
 what the sensors have looked at, which are of no single sensor and therefore no `Factor`. `prior` is
 the prior of a configured value, and `loops` has compiled functions, which only the engine loads. A
-new assumption is a new file here, and a row in `configuration.radar_models`; the model of
+new assumption is a new file here, and a row in `configuration.sensor_models`; the model of
 transponders is made in `configuration.models`.
 """
 

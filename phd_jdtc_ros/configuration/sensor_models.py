@@ -1,6 +1,7 @@
-"""The models that a radar's parameters describe, and checks of these parameters together.
+"""The models that the parameters of sensors describe, and checks of these parameters together.
 
-Degrees and decibels are converted here.
+First radars, then sensors of positions, then receivers of self-reports. Degrees and decibels are
+converted here.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from phd_jdtc_ros.core.intake.input_checks import (
     RadarReportCheck,
 )
 from phd_jdtc_ros.core.sensors import wgs84
-from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, HeightPrior, ReportedHeights
+from phd_jdtc_ros.core.sensors.gaussians import SPAN, UNKNOWN_STD, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.position import PositionSensor, WatchedArea, farthest
+from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel, VelocityModel
 from phd_jdtc_ros.core.sensors.site import LEAST_STD, MAX_SITE_DISTANCE, HeightProjection
 from phd_jdtc_ros.core.sensors.spatial_radar import SpatialRadar
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
@@ -33,13 +35,9 @@ from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 from .parameters.place_forms import FIXED, TF
 from .parameters.position import PositionParameters
 from .parameters.radar import QUANTITIES, RadarParameters
+from .parameters.reports import ReportsParameters
 from .parameters.sensor import SensorParameters
 from .parameters.tracker import PHD, SPACE, USUAL, Parts
-
-# Smallest ambiguity interval of range rates, in standard deviations: within a smaller interval all
-# range rates are equally likely.
-LEAST_INTERVAL = 4.0
-LEARNED = "learned"  # The law of the clutter's amplitudes that is estimated
 
 
 def _visibility_faults(radar: RadarParameters, parts: Parts) -> Iterator[str]:
@@ -100,7 +98,7 @@ def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
         (radar.sectors, "sectors", "0"),
         (radar.rotation_s, "rotation_s", "0"),
         (radar.clutter_map and "true", "clutter_map", "false"),
-        (radar.clutter_amplitude == LEARNED and LEARNED, "clutter_amplitude", "rayleigh"),
+        (radar.clutter_amplitude == "learned" and "learned", "clutter_amplitude", "rayleigh"),
         (radar.clutter_density, "clutter_density", "[]"),
         (radar.detection_correlation, "detection_correlation", "0"),
         *(
@@ -116,10 +114,10 @@ def _beyond_the_paper(radar: RadarParameters, parts: Parts) -> Iterator[str]:
 
 
 def _fields(radar: RadarParameters, parts: Parts) -> Iterator[str]:
-    return repeated_fields(radar, parts) if radar.named_fields else iter(())
+    return _repeated_fields(radar, parts) if radar.named_fields else iter(())
 
 
-def repeated_fields(sensor: SensorParameters, parts: Parts) -> Iterator[str]:
+def _repeated_fields(sensor: SensorParameters, parts: Parts) -> Iterator[str]:
     """Yield a fault for each quantity of a cloud whose field another quantity has too."""
     taken: dict[str, str] = {}
     for quantity, field in vars(sensor.fields).items():
@@ -133,16 +131,18 @@ def repeated_fields(sensor: SensorParameters, parts: Parts) -> Iterator[str]:
 def _range_rates(radar: RadarParameters, parts: Parts) -> Iterator[str]:
     interval, std = radar.range_rate_ambiguity, radar.range_rate_std
     field = radar.fields.range_rate
-    if field and 0.0 < interval < LEAST_INTERVAL * std:
+    # Within a smaller interval, in standard deviations, all range rates are equally likely.
+    least = 4.0
+    if field and 0.0 < interval < least * std:
         yield (
             f"{radar.name}.range_rate_ambiguity: {interval:g} given, must be 0 or at least "
-            f"{LEAST_INTERVAL:g} times range_rate_std, {std:g}"
+            f"{least:g} times range_rate_std, {std:g}"
         )
     if radar.fields.range_rate_std and not field:
         yield f"{radar.name}.fields.range_rate: '' given, must be a name with range_rate_std"
 
 
-def pose(radar: RadarParameters | PositionParameters, parts: Parts) -> Iterator[str]:
+def _pose(radar: RadarParameters | PositionParameters, parts: Parts) -> Iterator[str]:
     """Yield the faults of the poses of a sensor's platform."""
     key, (topic, message, _) = f"{radar.name}.pose", radar.pose
     detections = {other.topic: other.name for other in parts.sensors.values()}
@@ -208,7 +208,7 @@ def _faults_in_space(radar: RadarParameters, parts: Parts) -> Iterator[str]:
             yield f"{name}.{key}: {value} given, must be {allowed} with state: {SPACE}"
 
 
-CHECKS = (
+RADAR_CHECKS = (
     _faults_in_space,
     _tables,
     _clutter,
@@ -217,7 +217,7 @@ CHECKS = (
     _beyond_the_paper,
     _fields,
     _range_rates,
-    pose,
+    _pose,
     _place,
 )
 
@@ -229,18 +229,16 @@ RANGE_RATE_SPAN = 200.0
 
 def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
-    threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
-    range_std, azimuth_std = radar.range_std, math.radians(radar.azimuth_std_deg)
     named = radar.fields
     model = RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
         yaw=radar.site.yaw if radar.site else math.radians(radar.yaw_deg),
-        range_std=range_std,
-        azimuth_std=azimuth_std,
+        range_std=radar.range_std,
+        azimuth_std=math.radians(radar.azimuth_std_deg),
         visibility=_visibility(radar),
         clutter_rate=radar.clutter_rate,
-        threshold=threshold,
+        threshold=amplitude_density.threshold_for(radar.false_alarm_probability),
         rotation_s=radar.rotation_s,
         least_std=LEAST_STD if radar.site else RadarModel.least_std,
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
@@ -313,32 +311,26 @@ def _clutter_ranges(radar: RadarParameters) -> factors.ClutterRanges:
 
 def _clutter_map(radar: RadarParameters) -> factors.ClutterMap:
     std = radar.range_std, math.radians(radar.azimuth_std_deg)
-    moves, speed = bool(radar.pose.topic), radar.clutter_map_speed
-    grid = (
-        factors.GroundGrid.of_noise(*std, radar.max_range)
-        if moves
-        else factors.PolarGrid.of_noise(*std)
-    )
-    return factors.ClutterMap(grid, speed=speed)
+    if radar.pose.topic:
+        grid: factors.GroundGrid | factors.PolarGrid = factors.GroundGrid.of_noise(
+            *std, radar.max_range
+        )
+    else:
+        grid = factors.PolarGrid.of_noise(*std)
+    return factors.ClutterMap(grid, speed=radar.clutter_map_speed)
 
 
 def _visibility(radar: RadarParameters) -> Visibility:
-    edges, ranges, table = (
-        radar.blind_sectors_deg,
-        radar.detection_probability_range,
-        radar.detection_probability,
-    )
+    edges, compass = radar.blind_sectors_deg, radar.units.compass
+    ranges, table = radar.detection_probability_range, radar.detection_probability
     if not isinstance(table, list):
         # A probability of 0 is that of the SNR bands.
         ranges, table = ([0.0], [table]) if table else ([], [])
     return Visibility(
         max_range=radar.max_range,
         min_range=radar.min_range,
-        fov=_sector(radar.fov_deg[0], radar.fov_deg[1], radar.units.compass),
-        blind=tuple(
-            _sector(begin, end, radar.units.compass)
-            for begin, end in zip(edges[::2], edges[1::2], strict=True)
-        ),
+        fov=_sector(radar.fov_deg[0], radar.fov_deg[1], compass),
+        blind=tuple(_sector(*ends, compass) for ends in zip(edges[::2], edges[1::2], strict=True)),
         ranges=tuple(ranges),
         probabilities=tuple(table),
         clutter_max_range=radar.clutter_max_range,
@@ -356,7 +348,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def report_check(radar: RadarParameters) -> RadarReportCheck:
+def radar_report_check(radar: RadarParameters) -> RadarReportCheck:
     """Return the checks of a radar's reports against its configuration."""
     visibility = _visibility(radar)
     whole = visibility.fov.width > FULL_TURN - TURN_TOLERANCE
@@ -381,3 +373,81 @@ def report_check(radar: RadarParameters) -> RadarReportCheck:
         # metres.
         near=0.002 * radar.max_range,
     )
+
+
+def position_model(own: PositionParameters) -> PositionSensor:
+    """Return the model of a sensor's detections and measurements."""
+    return PositionSensor(
+        name=own.name,
+        position=(own.position[0], own.position[1]),
+        yaw=math.radians(own.yaw_deg),
+        threshold=amplitude_density.threshold_for(own.false_alarm_probability),
+        clutter_rate=own.clutter_rate,
+        cluster_distance=own.cluster_distance,
+        std=(own.position_std, own.position_std),
+        visibility=WatchedArea(own.area, own.detection_probability),
+        velocity_model=VelocityModel(own.velocity_std) if own.fields.vx and own.fields.vy else None,
+        height_prior=own.height_prior,
+        reported_heights=None if own.height_prior is None else _heights(own, own.height_prior),
+    )
+
+
+def _heights(own: PositionParameters, prior: HeightPrior) -> ReportedHeights:
+    """Return the errors of the heights in space: of z, or else of pressure altitudes."""
+    # Undetected targets and clutter have the prior's heights: a uniform law of its deviation.
+    span = min(SPAN, math.sqrt(12.0) * prior.std)
+    if own.fields.height:
+        return ReportedHeights(pressure=True, span=span)
+    return ReportedHeights(own.position_std, garbled=0.0, span=span)
+
+
+def position_factors(own: PositionParameters) -> tuple[factors.Factor, ...]:
+    """Return what else is assumed of a sensor's detections, in the order in which it applies."""
+    learn = set(own.learn)
+    found = (
+        "detection" in learn and factors.Detection(farthest(own.area)),
+        "noise" in learn and factors.Noise.of(np.array([True, True, False])),
+        "outliers" in learn and factors.Outliers(),
+        "clutter" in learn and factors.ClutterRate.beginning_with(own.clutter_rate),
+        factors.Limit(),
+        factors.Bursts(),
+        own.height_prior is not None and own.fields.height and factors.Pressure(*own.air),
+    )
+    return tuple(factor for factor in found if isinstance(factor, factors.Factor))
+
+
+def _coordinates(own: PositionParameters, parts: Parts) -> Iterator[str]:
+    """Yield the faults of the fields of positions and velocities."""
+    for what in ("x", "y"):
+        if not getattr(own.fields, what):
+            yield f"{own.name}.fields.{what}: '' given, must be a name"
+    for one, other in (("vx", "vy"), ("vy", "vx")):
+        if getattr(own.fields, one) and not getattr(own.fields, other):
+            yield f"{own.name}.fields.{other}: '' given, must be a name with fields.{one}"
+
+
+def _only_radars(own: SensorParameters, parts: Parts) -> Iterator[str]:
+    """Yield the fault of a sensor that the paper's PHD filters do not have."""
+    if (engine := parts.tracking.engine) in PHD:
+        yield f"{own.name}.kind: {own.kind} given, must be radar with engine {engine}"
+
+
+POSITION_CHECKS = (_only_radars, _coordinates, _pose, _repeated_fields)
+
+
+def _obliged(own: ReportsParameters, parts: Parts) -> Iterator[str]:
+    for name in own.obliged:
+        if name not in parts.classes:
+            known = ", ".join(parts.classes)
+            yield f"{own.name}.obliged: {name!r} given, must be among classes {known}"
+
+
+def _heard_area(own: ReportsParameters, parts: Parts) -> Iterator[str]:
+    count = len(own.coverage)
+    if count and (count % 2 or count < 6):
+        yield (
+            f"{own.name}.coverage: {count} numbers given, must be x and y of at least three corners"
+        )
+
+
+REPORTS_CHECKS = (_only_radars, _obliged, _heard_area)
