@@ -12,8 +12,7 @@ from msg_adapters.encoding import point_cloud
 from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, shared, table
-from phd_jdtc_ros.transponders.batches import WIDE, Batch, columns
-from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
+from phd_jdtc_ros.transponders.stream import WIDE, Batch, ReportStream, StreamSettings, columns
 from phd_jdtc_ros.transport import sockets
 
 # Time for which reports are collected to a cloud, seconds; the tracker needs none of them sooner.

@@ -1,4 +1,4 @@
-"""Estimates to and from point clouds."""
+"""Estimates to and from point clouds, with what self-reports say of them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,19 @@ from sensor_msgs.msg import PointCloud2
 from phd_jdtc_ros.columns import identities
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, SPATIAL, VX, VY, X, Y
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, SENSORS, UNKNOWN, Attributes, Estimates
-from phd_jdtc_ros.core.types.reports import NAME_SIZE
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    SENSORS,
+    UNKNOWN,
+    Attributes,
+    Estimates,
+    Reported,
+)
+from phd_jdtc_ros.core.types.reports import NAME_SIZE, REASONS, SPACES
 
 from ..encoding import RejectedMessageError, point_cloud, stamps
-from . import reported, vertical
+from . import vertical
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
@@ -34,6 +42,12 @@ _IDENTITIES = ("code", "address")
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
 PRESSURE = "pressure_altitude"
 OWNER, MEMBER = "owner", "member_"
+# Columns of what self-reports say, with unknown numbers, and whole ones.
+_SAID = (
+    *("dark", "silent", "doubtful", "owned", "offset_ahead", "offset_left"),
+    *("heard_age", "reason_age"),
+)
+_SAID_WHOLE, _NAME = ("source", "source_space", "source_type", "alone", "reason"), "source_name"
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -54,8 +68,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     covariances of the plane's axes with height and climb rate, and ``pressure_altitude``, the
     altitude in the standard atmosphere; NaN for an unknown one.
 
-    With receivers of self-reports the columns of `reported` follow. Estimates of several trackers
-    end with UINT32 ``owner member_0 member_1 ...``, see `Estimates.members`.
+    With receivers of self-reports the columns of `_said_columns` follow. Estimates of several
+    trackers end with UINT32 ``owner member_0 member_1 ...``, see `Estimates.members`.
     """
     return point_cloud.encode(estimates.stamp_ns, frame, _columns_of(estimates))
 
@@ -101,7 +115,7 @@ def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
                 columns[name] = np.where(unknown, np.nan, estimates.covariance[:, one, other])
             columns[PRESSURE] = known.height[:, 0] + estimates.pressure_above
     if estimates.reports is not None:
-        columns |= reported.columns_of(estimates.reports, estimates.stamp_ns)
+        columns |= _said_columns(estimates.reports, estimates.stamp_ns)
     if estimates.members is not None:
         # Numbers that are unique over all series of a tracker are beyond 32 bits.
         owner, *members = (estimates.members % 2**32).T
@@ -140,21 +154,21 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     if in_space:
         floats += _CROSS
         floats += {PRESSURE} & {*point_cloud.field_names(cloud)}
-    told = {*reported.FLOATS, *reported.WHOLE} <= {*point_cloud.field_names(cloud)}
+    told = {*_SAID, *_SAID_WHOLE} <= {*point_cloud.field_names(cloud)}
     if told:
-        floats += reported.FLOATS
-        whole += reported.WHOLE
+        floats += _SAID
+        whole += _SAID_WHOLE
     members = _member_names(point_cloud.field_names(cloud))
     whole += members
     wanted: dict[str, tuple[str, ...]] = dict.fromkeys(floats, point_cloud.FLOATS)
     wanted |= dict.fromkeys(whole, point_cloud.UNSIGNED)
-    if told and reported.NAME in point_cloud.field_names(cloud):
-        wanted[reported.NAME] = (f"{NAME_SIZE}u1",)
+    if told and _NAME in point_cloud.field_names(cloud):
+        wanted[_NAME] = (f"{NAME_SIZE}u1",)
     columns = point_cloud.decode(cloud, wanted)
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in unknown_as_nan + reported.FLOATS}
+        {n: column for n, column in columns.items() if n not in unknown_as_nan + _SAID}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -188,7 +202,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         track_state=track_state,
         attributes=known,
         pressure_above=_pressure_above(columns, known),
-        reports=reported.of_columns(columns, stamp_ns) if told else None,
+        reports=_said(columns, stamp_ns) if told else None,
         members=_members(columns, members),
     )
 
@@ -260,3 +274,73 @@ def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> 
     known = np.isfinite(ages) & (ages >= 0.0) & (ages * 1e9 <= stamp_ns)
     seen_ns = stamp_ns - np.rint(np.where(known, ages, 0.0) * 1e9).astype(np.int64)
     return np.where(known, seen_ns, UNKNOWN)
+
+
+def _said_columns(reports: Reported, stamp_ns: int) -> dict[str, npt.NDArray[Any]]:
+    """Return columns by field name: FLOAT32, UINT32 and the name's bytes.
+
+    An unknown number is NaN, and an unknown source or type 4294967295. Ages are in seconds.
+    """
+    return {
+        "dark": reports.dark,
+        "silent": reports.silent,
+        "doubtful": reports.doubtful,
+        "owned": reports.owned,
+        "offset_ahead": reports.offset[:, 0],
+        "offset_left": reports.offset[:, 1],
+        "heard_age": _age(reports.heard_ns, stamp_ns),
+        "reason_age": _age(reports.since_ns, stamp_ns),
+        "source": np.where(reports.address == UNKNOWN, identities.NONE, reports.address),
+        "source_space": reports.space,
+        "source_type": np.where(reports.type == UNKNOWN, identities.NONE, reports.type),
+        "alone": reports.alone,
+        "reason": reports.reason,
+        _NAME: reports.name.astype(np.uint8),
+    }
+
+
+def _said(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Reported:
+    """Return what the columns of a cloud say; reasons and spaces that do not exist are none."""
+    value = {name: columns[name].astype(np.float64) for name in _SAID}
+    whole = {name: columns[name].astype(np.int64) for name in _SAID_WHOLE}
+    probability = {name: _probability(value[name]) for name in _SAID[:4]}
+    for name in ("dark", "owned"):
+        probability[name] = np.nan_to_num(probability[name], nan=0.0)
+    address, kind = (
+        np.where(whole[name] == identities.NONE, UNKNOWN, whole[name])
+        for name in ("source", "source_type")
+    )
+    letters, size = columns.get(_NAME), len(address)
+    if letters is None:
+        letters = np.zeros((size, NAME_SIZE))
+    return Reported(
+        address=address,
+        space=_below(whole["source_space"], len(SPACES)),
+        name=letters.astype(np.int64),
+        type=kind,
+        alone=np.minimum(whole["alone"], 1),
+        offset=np.stack([value["offset_ahead"], value["offset_left"]], axis=1),
+        reason=_below(whole["reason"], len(REASONS)),
+        since_ns=_time(value["reason_age"], stamp_ns),
+        heard_ns=_time(value["heard_age"], stamp_ns),
+        **probability,
+    )
+
+
+def _age(time_ns: IntArray, stamp_ns: int) -> FloatArray:
+    return np.where(time_ns > 0, (stamp_ns - time_ns) * 1e-9, np.nan)
+
+
+def _time(age_s: FloatArray, stamp_ns: int) -> IntArray:
+    known = np.isfinite(age_s) & (np.abs(age_s) * 1e9 < stamp_ns)
+    return np.where(known, stamp_ns - np.rint(np.where(known, age_s, 0.0) * 1e9), 0).astype(
+        np.int64
+    )
+
+
+def _probability(value: FloatArray) -> FloatArray:
+    return np.where((value >= 0.0) & (value <= 1.0), value, np.nan)
+
+
+def _below(value: IntArray, end: int) -> IntArray:
+    return np.where(value < end, value, 0)

@@ -12,9 +12,10 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
+from phd_jdtc_ros.core.types import TRACK_STATES, Estimates, Reported
+from phd_jdtc_ros.core.types.reports import ALARM
 
-from . import geodetic, reported, vertical
+from . import geodetic, vertical
 from .markers import class_colour
 from .tracks import rows_by_track
 
@@ -33,7 +34,7 @@ def of_scan(
     Foxglove shows the properties ``name`` and ``style``. The name contains the flight level, or in
     space the height, and the code, or the address if the code is unknown. ``code``, ``address`` and
     ``flight_level`` are present if known. With receivers of self-reports the properties of
-    `reported.said_of` follow, and dark targets and doubtful sources have colours of their own.
+    `said_of` follow, and dark targets and doubtful sources have colours of their own.
     """
     places = geodetic.of(estimates, plane)
     words, names = vertical.words(estimates, plane.origin[2]), vertical.identities(estimates)
@@ -42,8 +43,8 @@ def of_scan(
         class_id = int(estimates.class_id[row])
         reports, colour, said = estimates.reports, class_colour(class_id), {}
         if reports is not None:
-            colour = reported.colour_of(reports, row, colour)
-            said = reported.said_of(reports, row, estimates.stamp_ns)
+            colour = _colour_of(reports, row, colour)
+            said = said_of(reports, row, estimates.stamp_ns)
         style = {"color": colour}
         here = places.latitude[[row]], places.longitude[[row]], places.height[[row]]
         identity = zip(("code", "address"), names[row], strict=True)
@@ -70,6 +71,26 @@ def of_scan(
             way = line_of(positions(north, east, up if np.isfinite(up).all() else up * np.nan))
             features.append(feature(way, {"name": f"{track}", "number": track, "style": style}))
     return collection(features)
+
+
+def said_of(reports: Reported, row: int, stamp_ns: int) -> dict[str, Any]:
+    """Return what is said of one estimate as properties; unknown numbers are None."""
+    value = {"owned": reports.owned, "dark": reports.dark, "silent": reports.silent}
+    value["doubtful"] = reports.doubtful
+    known = {name: float(column[row]) for name, column in value.items()}
+    return {
+        "source": reports.source_text(row),
+        **{name: None if np.isnan(each) else round(each, 4) for name, each in known.items()},
+        "alone": bool(reports.alone[row]),
+        "reason": reports.reason_text(row, stamp_ns),
+    }
+
+
+def _colour_of(reports: Reported, row: int, usual: str) -> str:
+    """Return the colour of an estimate: that of dark targets or doubtful sources, or the usual."""
+    if reports.dark[row] > ALARM:
+        return "#000000"
+    return "#ff00ff" if reports.doubtful[row] > ALARM else usual
 
 
 def level(height: float) -> dict[str, int]:

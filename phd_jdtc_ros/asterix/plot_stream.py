@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from phd_jdtc_ros.transponders.batches import Batch, Batches
+from phd_jdtc_ros.transponders.stream import Batch, Batches
 from phd_jdtc_ros.transponders.transmitters import Transmitters
 from phd_jdtc_ros.transport.network import fits_stamp
 

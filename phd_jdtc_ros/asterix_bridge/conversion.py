@@ -23,8 +23,8 @@ from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates, Reported
 from phd_jdtc_ros.core.types.reports import ICAO, text_of
-from phd_jdtc_ros.transponders import batches
-from phd_jdtc_ros.transponders.batches import Batch
+from phd_jdtc_ros.transponders import stream
+from phd_jdtc_ros.transponders.stream import Batch
 
 # Level of a receiver's noise that amplitudes are converted with, dBm. The tracker's parameter
 # `amplitude_offset_db` corrects it for a radar.
@@ -102,7 +102,7 @@ def topic_of(report: Cloud, radar: RadarState) -> str:
 def cloud(report: Cloud, radar: RadarState) -> PointCloud2:
     """Return the cloud of a sector, a slice or a batch, in the frame with the radar's name.
 
-    Those of positions are `batches.columns`, with ellipses unless they are from ADS-B.
+    Those of positions are `stream.columns`, with ellipses unless they are from ADS-B.
 
     The fields are those of `columns`. All are FLOAT32, except for ``code address call_sign_high
     call_sign_low sector`` (UINT32) and ``kind`` (UINT8). All clouds of a radar with sectors have
@@ -110,8 +110,8 @@ def cloud(report: Cloud, radar: RadarState) -> PointCloud2:
     """
     settings = radar.settings
     if isinstance(report, Batch):
-        positions = batches.columns(report, radar.source != ADS_B)
-        return point_cloud.encode(report.stamp_ns, settings.name, positions, batches.WIDE)
+        positions = stream.columns(report, radar.source != ADS_B)
+        return point_cloud.encode(report.stamp_ns, settings.name, positions, stream.WIDE)
     found = columns(report, settings.sectors)
     if radar.assembler.has_sectors and report.sector is None:
         found["sector"] = np.full(len(report.plots), UNKNOWN, dtype=np.uint32)

@@ -16,8 +16,8 @@ from phd_jdtc_ros import report_bridge as settings
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.quoting import counts_text
 from phd_jdtc_ros.transponders import stream
-from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ADSB, AIS
+from phd_jdtc_ros.transponders.stream import Batch
 from phd_jdtc_ros.transport import sockets
 from phd_jdtc_ros.transport.network import Datagram
 from phd_jdtc_ros.transport.sockets import Input

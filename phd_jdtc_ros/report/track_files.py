@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters.targets import geo_json, geodetic, reported, vertical
+from msg_adapters.targets import geo_json, geodetic, vertical
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import TRACK_STATES, Estimates
 
@@ -66,7 +66,7 @@ def fixes(
                 level = ""  # The pressure is not known in space
             words, number = (class_name, state, *names[row], level), int(found.track_id[row])
             reports = found.reports
-            said = None if reports is None else reported.said_of(reports, row, found.stamp_ns)
+            said = None if reports is None else geo_json.said_of(reports, row, found.stamp_ns)
             yield Fix._make((found.stamp_ns, number, *numbers[row], *words, run, said))
 
 

@@ -19,8 +19,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types.reports import MMSI, SPACES
 from phd_jdtc_ros.transponders import messages
-from phd_jdtc_ros.transponders.batches import Batch, Batches
 from phd_jdtc_ros.transponders.messages import ADSB, AIS, Heard
+from phd_jdtc_ros.transponders.stream import Batch, Batches
 from phd_jdtc_ros.transponders.transmitters import Dated
 
 from .checked import mapping, pair, read, read_list

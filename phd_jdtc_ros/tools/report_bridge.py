@@ -20,9 +20,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.transponders.batches import Batch
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
-from phd_jdtc_ros.transponders.stream import ReportStream
+from phd_jdtc_ros.transponders.stream import Batch, ReportStream
 from phd_jdtc_ros.transponders.transmitters import Dated
 from phd_jdtc_ros.transport import pcap
 from phd_jdtc_ros.transport.network import Datagram

@@ -9,7 +9,7 @@ The path of the bytes::
     Heard
       |  rules, dates                       transmitters
     Heard with a time
-      |  collect for a while                batches
+      |  collect for a while                stream
     Batch: the columns of a cloud
 
 `stream` is the whole path. ASTERIX (`asterix`) has positions of its own and shares everything from

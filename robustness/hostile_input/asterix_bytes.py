@@ -17,8 +17,8 @@ from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
 from phd_jdtc_ros.asterix_bridge.conversion import columns
-from phd_jdtc_ros.transponders import batches
-from phd_jdtc_ros.transponders.batches import Batch
+from phd_jdtc_ros.transponders import stream
+from phd_jdtc_ros.transponders.stream import Batch
 from phd_jdtc_ros.transport.network import RecordingError
 
 from ..harness.figures import Found, measures
@@ -110,7 +110,7 @@ def _fault_counts(stream: PlotStream) -> tuple[int, int]:
 def _fault(sectors: int, report: Any) -> bool:
     """Return whether a mandatory number is not finite."""
     if isinstance(report, Batch):
-        found, mandatory = batches.columns(report, True), ("latitude", "longitude", "time")
+        found, mandatory = stream.columns(report, True), ("latitude", "longitude", "time")
     else:
         found, mandatory = columns(report, sectors), ("range", "azimuth", "time")
     return not all(np.isfinite(found[name]).all() for name in mandatory)

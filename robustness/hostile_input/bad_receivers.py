@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.transponders.batches import columns
-from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
+from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings, columns
 from phd_jdtc_ros.transponders.transmitters import MOST
 from phd_jdtc_ros.transport.network import Datagram
 

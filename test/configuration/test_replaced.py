@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.factors import (
 from phd_jdtc_ros.core.factors.transponder.height import HeightModel
 from phd_jdtc_ros.evaluation.run_scores import ORDER
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.nodes.tracker import input_health, live, settings
+from phd_jdtc_ros.nodes.tracker import health, live, settings
 from phd_jdtc_ros.nodes.tracker import outputs as live_outputs
 from phd_jdtc_ros.parameter_files import node_tables
 
@@ -117,7 +117,7 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("range_rate_span", sensor_models.RANGE_RATE_SPAN),
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
-        ("silent_after_scans", input_health.SILENT_AFTER_SCANS),
+        ("silent_after_scans", health.SILENT_AFTER_SCANS),
         ("max_prediction_s", bridge.MAX_PREDICTION_S),
         ("smoothed_wait_s", hand_over.SMOOTHED_WAIT_S),
     ],

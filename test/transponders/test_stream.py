@@ -6,9 +6,15 @@ import ais_sentences as made
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.transponders.batches import UNKNOWN, Batch, Batches, columns
 from phd_jdtc_ros.transponders.messages import AIS, MMSI, NONE, OTHER, Heard
-from phd_jdtc_ros.transponders.stream import ReportStream, StreamSettings
+from phd_jdtc_ros.transponders.stream import (
+    UNKNOWN,
+    Batch,
+    Batches,
+    ReportStream,
+    StreamSettings,
+    columns,
+)
 from phd_jdtc_ros.transponders.transmitters import Dated
 from phd_jdtc_ros.transport.network import Datagram
 

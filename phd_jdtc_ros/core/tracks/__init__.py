@@ -6,8 +6,7 @@
     reporting_rule       the thresholds of this
     coverage             what the sensors of a scan can see of a track
     common_stamp         estimates of sectors at one stamp
-    track_numbers        labels to numbers; of two tracks with one address one is reported
-    known_aircraft       the same number for an address that returns
+    track_numbers        labels to numbers; the same one for an address that returns
     renumbering          the same numbers after scans were processed again
     manual, region       what operators do; where this tracker reports
 

@@ -28,9 +28,8 @@ from ..snapshot import (
 from ..tracks import renumbering
 from ..tracks.common_stamp import Schedule, predict
 from ..tracks.confirmation import TrackStates
-from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
-from ..tracks.track_numbers import NoNumbers, TrackNumbers
+from ..tracks.track_numbers import NoNumbers, Reach, TrackNumbers
 from ..types import Estimates, Scan
 from ..types.clutter_raster import ClutterRaster
 from .forward_filter import ForwardFilter

@@ -7,7 +7,7 @@
     live                   the path of a message: decode, pipeline, publish
     inputs, outputs        subscriptions and publishers
     endpoints              their QoS and its faults
-    input_health, health   diagnostics of inputs; of steps (too slow?), outputs and registration
+    health                 diagnostics of inputs, steps (too slow?), outputs and registration
     checkpoint             warm restart
     peers                  at most one tracker per name, and the bond to a lifecycle manager
 """

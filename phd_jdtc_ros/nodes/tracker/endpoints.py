@@ -21,8 +21,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from ..common import topics
-from .health import OutputHealth
-from .input_health import InputHealth, Publishers
+from .health import InputHealth, OutputHealth, Publishers
 
 # Least depth of an input, whose messages wait while a scan is stepped.
 INPUT_DEPTH = 50

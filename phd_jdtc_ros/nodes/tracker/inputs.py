@@ -43,7 +43,7 @@ from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
-from .input_health import InputHealth
+from .health import InputHealth
 from .settings import Settings
 
 # Poses come much more often than scans, and wait while one is stepped; and transforms of a whole

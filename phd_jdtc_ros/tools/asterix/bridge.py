@@ -30,7 +30,7 @@ from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.transponders.batches import Batch
+from phd_jdtc_ros.transponders.stream import Batch
 
 from .. import command, recorded_clouds
 from ..recorded_clouds import CloudWriter, Ports, damage, most

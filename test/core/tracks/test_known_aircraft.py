@@ -9,9 +9,15 @@ from hard_turns import PERIOD_S, scenes, seen, tracker
 from runs import stepped, stored_and_read
 
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.tracks import known_aircraft
-from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
-from phd_jdtc_ros.core.tracks.track_numbers import FEW_NUMBERS, TrackNumbers
+from phd_jdtc_ros.core.tracks import track_numbers
+from phd_jdtc_ros.core.tracks.track_numbers import (
+    FEW_NUMBERS,
+    MARGIN,
+    KnownAircraft,
+    LastSeen,
+    Reach,
+    TrackNumbers,
+)
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.tracks import IdentitySwitches
@@ -151,7 +157,7 @@ def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
 
 
 def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch):
-    monkeypatch.setattr(known_aircraft, "MAX_AIRCRAFT", 3)
+    monkeypatch.setattr(track_numbers, "MAX_AIRCRAFT", 3)
     tracks = TrackNumbers()
     for index in range(5):
         numbers(tracks, index, (10 + index, 100 + index, 1e4 * index, CONFIRMED))

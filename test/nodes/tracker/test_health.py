@@ -12,8 +12,14 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.tables import TOP
 from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises, ThrottledWarnings
-from phd_jdtc_ros.nodes.tracker.health import Load, OutputHealth, StepHealth
-from phd_jdtc_ros.nodes.tracker.input_health import LEASE_S, InputHealth, Publishers
+from phd_jdtc_ros.nodes.tracker.health import (
+    LEASE_S,
+    InputHealth,
+    Load,
+    OutputHealth,
+    Publishers,
+    StepHealth,
+)
 
 ALONE = Publishers(frozenset({"driver"}))
 PAIR = ("range", "azimuth")
