@@ -362,14 +362,7 @@ STREAMS = (
     Stream("tll", "nmea", _tll),
     Stream("cot", "cot", _cot),
     Stream("signalk", "signalk", _signal_k),
-    Stream(
-        "sapient",
-        "sapient",
-        _sapient,
-        greet=_register,
-        datagrams=False,
-        imports="sapient_msg",
-    ),
+    Stream("sapient", "sapient", _sapient, greet=_register, datagrams=False, imports="sapient_msg"),
 )
 
 # The words of the outputs that a user enables, and those of them that need a place on the earth.

@@ -8,13 +8,12 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import cache
-from itertools import chain
 
 import numpy as np
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
 from ..encoding import cdr, stamps
@@ -106,49 +105,16 @@ def to_cdr(
             writer.rows(ends[mine].reshape(-1, 3))
             writer.add(after[-_AFTER_POINTS:])
         names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
-        _put_labels(writer, stamp + names, after, order[mine], places[mine], texts[mine])
+        before, after = after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
+        for number, place, text in zip(
+            order[mine].tolist(), places[mine].tolist(), texts[mine], strict=True
+        ):
+            _begin(writer, stamp + names, LABEL, number, place)
+            writer.add(before)
+            writer.string(text)
+            writer.align(4)
+            writer.add(after)
     return writer.message()
-
-
-def _put_labels(
-    writer: cdr.Writer,
-    names: bytes,
-    after: bytes,
-    numbers: IntArray,
-    places: FloatArray,
-    texts: Sequence[str],
-) -> None:
-    """Append the labels of a class, given a label's bytes before its number and after its place.
-
-    A label is joined from parts, which takes half as long as packing its numbers. Positions are
-    aligned to eight bytes, and markers to four, so that the padding between two positions depends
-    on the size of the text only.
-    """
-    after, last = after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
-    encoded = [text.encode() for text in texts]
-    sizes = [len(text) for text in encoded]
-    constant = {size: _around(size, names, after, last) for size in {*sizes}}
-    before, behind, kinds = zip(*[constant[size] for size in sizes], strict=True)
-    _begin(writer, names, LABEL, int(numbers[0]), places[0].tolist())
-    later = numbers[1:].astype("<i4").view("V4").tolist()
-    ahead = np.ascontiguousarray(places[1:], "<f8").view("V24").ravel().tolist()
-    parts = zip(before, encoded, behind, later, kinds, ahead, strict=False)
-    writer.add(b"".join([*chain.from_iterable(parts), after]))
-    writer.string(texts[-1])
-    writer.align(4)
-    writer.add(last)
-
-
-def _around(size: int, names: bytes, after: bytes, last: bytes) -> tuple[bytes, bytes, bytes]:
-    """Return the bytes around a text of this size, from its label's position to that of the next.
-
-    They are those before the text, then those up to the next label's number, and those after it.
-    """
-    before = after + struct.pack("<I", size + 1)
-    behind = bytes(1 + -(size + 1) % 4) + last
-    behind += bytes(-(len(before) + size + len(behind)) % 4) + names
-    kind = struct.pack("<2i", LABEL, ADD)
-    return before, behind, kind + bytes(-(len(before) + size + len(behind) + 4 + len(kind)) % 8)
 
 
 def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[str]:

@@ -214,10 +214,7 @@ class Parameters:
                 yield f"{radar}: {text}"
 
     def with_findings(
-        self,
-        findings: Mapping[str, Findings],
-        timed: Mapping[str, bool],
-        columns: Collection[str],
+        self, findings: Mapping[str, Findings], timed: Mapping[str, bool], columns: Collection[str]
     ) -> Parameters:
         """Return a copy with the findings of a recording; given parameters take precedence.
 

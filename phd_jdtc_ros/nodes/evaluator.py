@@ -63,11 +63,7 @@ class Evaluator(RunnableNode):
         self._report = _report_path(self._values["report"])
         self._classes = len(self._values["classes"])
         self._evaluation = Evaluation(
-            self._classes,
-            self._values["cutoff"],
-            ORDER,
-            MAX_SCANS,
-            tuple(self._values["classes"]),
+            self._classes, self._values["cutoff"], ORDER, MAX_SCANS, tuple(self._values["classes"])
         )
         self._truth_topic = self.resolve_topic_name(names.TRUTH)
         tracker = self._values["tracker"]

@@ -108,11 +108,7 @@ class TrackerHealth:
 
 
 def of_picture(
-    node: str,
-    picture: JointPicture,
-    published: Counter[str],
-    tracks: int,
-    alive: Sequence[str],
+    node: str, picture: JointPicture, published: Counter[str], tracks: int, alive: Sequence[str]
 ) -> DiagnosticStatus:
     """Return the joint picture's status; `alive` are the trackers that are in it and not quiet."""
     uncommon_stamps = picture.uncommon_stamps

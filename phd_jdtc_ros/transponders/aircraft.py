@@ -16,17 +16,7 @@ from datetime import datetime, timezone
 from functools import cache
 from typing import Any
 
-from .messages import (
-    FOOT,
-    ICAO,
-    KNOT,
-    NONE,
-    NOT_SAID,
-    OTHER,
-    UNKNOWN_STD,
-    Heard,
-    of_nacp,
-)
+from .messages import FOOT, ICAO, KNOT, NONE, NOT_SAID, OTHER, UNKNOWN_STD, Heard, of_nacp
 
 
 def read_sbs(line: bytes) -> Heard | str:

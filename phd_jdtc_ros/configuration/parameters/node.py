@@ -58,11 +58,7 @@ class Node(Managed):
         former=replaced.outputs,
     )
     destinations: list[str] = parameter(
-        [
-            "nmea+udp://127.0.0.1:10110",
-            "cot+udp://127.0.0.1:4242",
-            "signalk+udp://127.0.0.1:8375",
-        ],
+        ["nmea+udp://127.0.0.1:10110", "cot+udp://127.0.0.1:4242", "signalk+udp://127.0.0.1:8375"],
         "Where ttm, ttm_relative and tll in outputs (nmea), cot, signalk and sapient are sent: "
         "FORMAT+udp:// or FORMAT+tcp:// with the HOST:PORT to send to, or FORMAT+listen:// with "
         "that at which TCP clients connect; sapient not by UDP.",

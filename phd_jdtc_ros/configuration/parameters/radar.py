@@ -122,8 +122,7 @@ class RadarParameters(SensorParameters):
         choices=place_forms.POSE_MESSAGES,
     )
     pose_yaw: bool = parameter(
-        True,
-        "Whether azimuths turn with the platform; false for a radar with stabilised azimuths.",
+        True, "Whether azimuths turn with the platform; false for a radar with stabilised azimuths."
     )
     pose_max_age_s: float = parameter(
         1.0,

@@ -300,11 +300,7 @@ NOTATIONS: Mapping[str, tuple[tuple[str, Lines, tuple[Any, ...]], ...]] = {
         ("clutter_rate", learned_by("clutter"), ("auto", "8 multipath", "auto multipath")),
         ("clutter_amplitude", clutter_amplitude, ("rayleigh 10", "log_normal 20")),
         ("rotation_s", rotation, ("auto",)),
-        (
-            "pose",
-            pose,
-            ("/ship/pose pose_stamped", "/ship/odometry stabilised", "tf stabilised"),
-        ),
+        ("pose", pose, ("/ship/pose pose_stamped", "/ship/odometry stabilised", "tf stabilised")),
     ),
     "tracker, as a node": (("outputs", outputs, (["markers", "plots"],)),),
     "evaluator": (("record_topics", record_topics, (["/mast/plots", "/ship/odometry odometry"],)),),

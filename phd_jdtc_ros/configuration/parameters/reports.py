@@ -47,10 +47,7 @@ class ReportsParameters(SensorParameters):
         mutable=True,
     )
     max_age_s: float = parameter(
-        10.0,
-        "Age up to which reports are used, s.",
-        (0.0, 600.0),
-        mutable=True,
+        10.0, "Age up to which reports are used, s.", (0.0, 600.0), mutable=True
     )
     coverage: list[float] = parameter(
         [],

@@ -12,11 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.sensors.gaussians import (
-    STANDARD_HPA,
-    Air,
-    HeightPrior,
-)
+from phd_jdtc_ros.core.sensors.gaussians import STANDARD_HPA, Air, HeightPrior
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
@@ -351,7 +347,7 @@ class Parts(NamedTuple):
 
 # Defaults that follow from the value of another parameter.
 IMPLIED: dict[tuple[str, str], dict[str, Any]] = {
-    **{("engine", name): {"learn": [], "detection_births.rates": []} for name in PHD},
+    **{("engine", name): {"learn": [], "detection_births.rates": []} for name in PHD}
 }
 # Values of the usual names that differ from the defaults of their group. The classes' bands are
 # those of the reference scenario. The motions, with their mode matrix, were tuned on seeds from

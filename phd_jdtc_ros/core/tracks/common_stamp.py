@@ -148,11 +148,7 @@ class _Columns(NamedTuple):
 
 @compiled
 def _interpolated(
-    stamp_ns: int,
-    begin_ns: Int1,
-    end_ns: Int1,
-    begin: _Columns,
-    end: _Columns,
+    stamp_ns: int, begin_ns: Int1, end_ns: Int1, begin: _Columns, end: _Columns
 ) -> _Columns:
     """Return the estimates between two others."""
     state0, covariance0, weight0, probability0 = begin

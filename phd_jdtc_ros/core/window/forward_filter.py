@@ -51,13 +51,7 @@ class Progress(NamedTuple):
 class ForwardFilter:
     """The filter over scans, with the mixtures that later scans continue."""
 
-    STATE: ClassVar[tuple[str, ...]] = (
-        "unswept",
-        "stamp_ns",
-        "_born_ns",
-        "_scan_index",
-        "factors",
-    )
+    STATE: ClassVar[tuple[str, ...]] = ("unswept", "stamp_ns", "_born_ns", "_scan_index", "factors")
 
     model: TrackerModel
     bounds: Bounds

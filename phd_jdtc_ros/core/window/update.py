@@ -28,12 +28,7 @@ class Updated(NamedTuple):
 
 
 def update_scan(
-    rows: Branched,
-    scan: Scan,
-    steps: GaussianSteps,
-    dt: float,
-    scan_index: int,
-    factors: Factors,
+    rows: Branched, scan: Scan, steps: GaussianSteps, dt: float, scan_index: int, factors: Factors
 ) -> Updated:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
@@ -72,10 +67,7 @@ def update(before: Updated, report: View, steps: GaussianSteps, dt: float, label
     if learned.reports is not None:
         learned = learned.changed(reports=after_look(learned.reports, view, prior, posterior))
     return Updated(
-        rows,
-        learned,
-        before.newborns + newborns,
-        before.approximate + posterior.approximate,
+        rows, learned, before.newborns + newborns, before.approximate + posterior.approximate
     )
 
 

@@ -109,11 +109,7 @@ def _entry_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
 
 
 def _entry_from_snapshot(
-    snapshot: Snapshot,
-    name: str,
-    earlier: Mapping[int, Entry],
-    dynamics: Dynamics,
-    most: int,
+    snapshot: Snapshot, name: str, earlier: Mapping[int, Entry], dynamics: Dynamics, most: int
 ) -> Entry:
     """Return the stored entry of one scan.
 
