@@ -123,7 +123,9 @@ def _members(kind: Any) -> tuple[tuple[str, Put], ...]:
     """Return the names of a class's members with their writers."""
     types = kind.get_fields_and_field_types()
     # An IDL structure cannot be empty, so an empty message has one byte.
-    return tuple((name, _put_of(text)) for name, text in types.items()) or (("__doc__", _put_none),)
+    return tuple((name, _put_of(text)) for name, text in types.items()) or (
+        ("__doc__", lambda writer, _: writer.put("B", 0)),
+    )
 
 
 def _put_of(kind: str) -> Put:
@@ -132,8 +134,8 @@ def _put_of(kind: str) -> Put:
         return partial(_put_sequence, _put_entries_of(match[1]))
     if match := _ARRAY.fullmatch(kind):
         return _put_entries_of(match[1])
-    if kind in _CODES:
-        return partial(_put_number, _CODES[kind])
+    if code := _CODES.get(kind):
+        return lambda writer, value: writer.put(code, value)
     if kind.startswith("wstring"):
         raise TypeError(f"{kind}: wide strings cannot be written")
     return Writer.string if kind.startswith("string") else put_message
@@ -143,14 +145,6 @@ def _put_entries_of(kind: str) -> Put:
     if kind in _CODES:
         return partial(_put_numbers, _CODES[kind])
     return partial(_put_entries, _put_of(kind))
-
-
-def _put_number(code: str, writer: Writer, value: Any) -> None:
-    writer.put(code, value)
-
-
-def _put_none(writer: Writer, _: object) -> None:
-    writer.put("B", 0)
 
 
 def _put_sequence(put_entries: Put, writer: Writer, values: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.columns import identities, sent_columns
+from phd_jdtc_ros.columns import sent_columns
 from phd_jdtc_ros.columns.position_selection import AREA, select
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
@@ -54,11 +54,8 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
     """
     count, columns = len(detections), _columns(detections)
     names = sent_columns.names_of(own.fields)
-    if "time" in names:
-        time_s = sent_columns.fill(detections.time_s, count, 0.0)
-        columns["time"] = sent_columns.sent_time(time_s, stamp_ns, own)
-    if "amplitude" in names:
-        columns["amplitude"] = sent_columns.level(detections, own)
+    for what in sent_columns.COMMON.keys() & names.keys():
+        columns[what] = sent_columns.COMMON[what](detections, stamp_ns, own)
     if "height" in names:
         columns["height"] = sent_columns.fill(detections.height, count, np.nan) + own.datum
     for what, found in (("z", detections.z), ("z_std", detections.z_std)):
@@ -68,12 +65,6 @@ def to_cdr(detections: Detections, stamp_ns: int, own: PositionParameters) -> by
         columns |= {
             what: np.full(count, edge) for what, edge in zip(AREA, detections.area, strict=True)
         }
-    kind = sent_columns.fill(detections.detection_type, count, 0.0)
-    columns |= {
-        "code": identities.encode(detections.code, count),
-        "address": identities.encode(detections.address, count),
-        "detection_type": np.maximum(kind, 0).astype(np.uint8),
-    }
     sent = {name: columns[what] for what, name in names.items() if what in columns}
     wide = {own.fields.time} if own.units.since_epoch else frozenset()
     return point_cloud.to_cdr(stamp_ns, own.frame, sent, wide)

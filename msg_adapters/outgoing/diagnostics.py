@@ -97,11 +97,6 @@ def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArr
     return array(score.stamp_ns, statuses)
 
 
-if TYPE_CHECKING:
-    from phd_jdtc_ros.core.engine import Step
-    from phd_jdtc_ros.evaluation.run_scores import ScanScore
-
-
 # Figures with a curve, of each engine.
 FIGURES = {
     "gaussian": ("hypotheses", "origins"),

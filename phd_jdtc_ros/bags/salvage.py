@@ -284,8 +284,7 @@ def _add_record(stream: BinaryIO, position: int, end: int, found: Index) -> None
         records = chunks.unpack(stream, position, length)
         for record in records:
             found.define(record)
-        messages = [record for record in records if isinstance(record, Message)]
-        found.add_chunk(position, length, messages)
+        found.add_chunk(position, length, [each for each in records if isinstance(each, Message)])
     elif opcode == Opcode.MESSAGE:
         _add_message(stream, position, length, end, found)
     elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):

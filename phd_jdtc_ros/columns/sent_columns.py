@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from . import ground_ranges, identities
 
 # This is defined here, because `stamps` imports ROS.
 NS_PER_S = 1_000_000_000
+Sent: TypeAlias = "RadarParameters | PositionParameters"
 
 
 def names_of(fields: Fields) -> dict[str, str]:
@@ -56,15 +57,6 @@ def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArr
     return np.full(len(detections), sector, dtype=np.uint32)
 
 
-def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> FloatArray:
-    return sent_time(fill(detections.time_s, len(detections), 0.0), stamp_ns, radar)
-
-
-def _detection_type(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
-    found: npt.NDArray[Any] = np.maximum(fill(detections.detection_type, len(detections), 0.0), 0)
-    return found.astype(np.uint8)
-
-
 def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
     std = _noise_std(detections)[:, 1]
     return np.degrees(std) if radar.units.in_degrees else std
@@ -80,15 +72,23 @@ def fill(column: npt.NDArray[Any] | None, count: int, unknown: float) -> npt.NDA
     return np.full(count, unknown) if column is None else column
 
 
-# The optional columns by quantity, of detections, the report's stamp and the radar.
-_COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[Any]]] = {
-    "amplitude": lambda own, _, radar: level(own, radar),
-    "time": _time,
-    "sector": _sector,
-    "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
+# The optional columns by quantity, of detections, the report's stamp and a sensor of any kind.
+COMMON: Mapping[str, Callable[[Detections, int, Sent], npt.NDArray[Any]]] = {
+    "amplitude": lambda own, _, sensor: level(own, sensor),
+    "time": lambda own, stamp_ns, sensor: sent_time(
+        fill(own.time_s, len(own), 0.0), stamp_ns, sensor
+    ),
     "code": lambda own, _, __: identities.encode(own.code, len(own)),
     "address": lambda own, _, __: identities.encode(own.address, len(own)),
-    "detection_type": _detection_type,
+    "detection_type": lambda own, _, __: np.maximum(
+        fill(own.detection_type, len(own), 0.0), 0
+    ).astype(np.uint8),
+}
+# And those of a radar.
+_COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[Any]]] = {
+    **COMMON,
+    "sector": _sector,
+    "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
     "elevation_std": lambda own, _, radar: _noise_std(own)[:, 2] / abs(radar.units.elevation_rad),
@@ -97,9 +97,7 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
 }
 
 
-def relative_time(
-    sent: FloatArray, stamp_ns: int, radar: RadarParameters | PositionParameters
-) -> FloatArray:
+def relative_time(sent: FloatArray, stamp_ns: int, radar: Sent) -> FloatArray:
     """Convert times from the radar's convention to seconds from the stamp.
 
     Times since the epoch keep the resolution of doubles, 0.24 us today.
@@ -112,9 +110,7 @@ def relative_time(
     return since_second - nanoseconds * 1e-9
 
 
-def sent_time(
-    time_s: FloatArray, stamp_ns: int, radar: RadarParameters | PositionParameters
-) -> FloatArray:
+def sent_time(time_s: FloatArray, stamp_ns: int, radar: Sent) -> FloatArray:
     """Convert seconds from the stamp to the radar's convention: the inverse of `relative_time`."""
     per_second = _per_second(radar)
     if not radar.units.since_epoch:
@@ -123,8 +119,7 @@ def sent_time(
     return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
 
 
-def _per_second(radar: RadarParameters | PositionParameters) -> float:
-    """Return the number of the radar's time units per second."""
+def _per_second(radar: Sent) -> float:
     return float(round(1.0 / radar.units.time_s))
 
 
@@ -134,7 +129,7 @@ def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
     return np.degrees(converted) if radar.units.in_degrees else converted
 
 
-def level(detections: Detections, radar: RadarParameters | PositionParameters) -> FloatArray:
+def level(detections: Detections, radar: Sent) -> FloatArray:
     """Convert amplitudes to the sensor's convention: the inverse of `select`.
 
     Raise `ValueError` if the detections have no amplitudes.

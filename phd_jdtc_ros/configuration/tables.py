@@ -129,22 +129,20 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
 
 def parts_of(values: Mapping[str, Any]) -> Parts:
     """Return checked values as the dataclasses that declare them."""
-    listed = {name: _sensor(values, name) for name in values["sensors"]}
-    receivers = {n: own for n, own in listed.items() if isinstance(own, ReportsParameters)}
+    listed: dict[str, SensorParameters] = {}
+    for name in values["sensors"]:
+        declared: type[SensorParameters] = KINDS[values[f"{name}.kind"]].parameters
+        addresses = {key: topic_or_frame(values, name, key) for key in ("topic", "frame")}
+        listed[name] = build(declared, values, f"{name}.", name=name, **addresses)
+    receivers = [n for n, own in listed.items() if isinstance(own, ReportsParameters)]
     return Parts(
         build(Tracking, values),
         {name: own for name, own in listed.items() if name not in receivers},
         {name: build(TargetClass, values, f"{name}.") for name in values["classes"]},
         {name: build(Motion, values, f"{name}.") for name in values["motions"]},
         {name: build(Birth, values, f"{name}.") for name in values["births"]},
-        {**receivers},
+        {name: listed[name] for name in receivers},
     )
-
-
-def _sensor(values: Mapping[str, Any], name: str) -> SensorParameters:
-    addresses = {key: topic_or_frame(values, name, key) for key in ("topic", "frame")}
-    declared: type[SensorParameters] = KINDS[values[f"{name}.kind"]].parameters
-    return build(declared, values, f"{name}.", name=name, **addresses)
 
 
 def topic_or_frame(values: Mapping[str, Any], sensor: str, key: str) -> str:

@@ -200,11 +200,6 @@ def _decoder() -> Any:
     return decode
 
 
-def require() -> None:
-    """Raise `ModuleNotFoundError` if rs1090 is not installed."""
-    _decoder()
-
-
 def _known(found: Any, name: str) -> float:
     value = found.get(name)
     return math.nan if value is None else float(value)

@@ -180,11 +180,6 @@ def _decoder() -> Any:
     return decode
 
 
-def require() -> None:
-    """Raise `ModuleNotFoundError` if pyais is not installed."""
-    _decoder()
-
-
 def _checksum(body: bytes) -> int:
     found = 0
     for byte in body:

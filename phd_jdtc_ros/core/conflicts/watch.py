@@ -100,28 +100,19 @@ def straight_path(own: Pose, model: ConflictModel) -> FloatArray:
     return place
 
 
-class _Reach(NamedTuple):
-    """Circles around all paths of each object at each time."""
+def _candidates(place: FloatArray, distance: float) -> list[tuple[int, int]]:
+    """Return the pairs of objects, by ascending index, some of whose paths may be too near.
 
-    centre: FloatArray  # (K + 1, T, 2)
-    radius: FloatArray  # (K + 1, T)
-    step: FloatArray  # Longest way of an object in an interval, (T,)
-
-
-def _reach_of(place: FloatArray) -> _Reach:
-    centre = place[..., :2].mean(axis=1)
-    radius = np.hypot(*np.moveaxis(place[..., :2] - centre[:, None], -1, 0)).max(axis=1)
+    They are judged by circles around all paths of each object at each time.
+    """
+    centres = place[..., :2].mean(axis=1)
+    radii = np.hypot(*np.moveaxis(place[..., :2] - centres[:, None], -1, 0)).max(axis=1)
+    # Longest way of each object in an interval.
     step = np.hypot(*np.moveaxis(np.diff(place[..., :2], axis=2), -1, 0)).max(axis=(1, 2))
-    return _Reach(centre.transpose(1, 0, 2), radius.T, step)
-
-
-def _candidates(reach: _Reach, distance: float) -> list[tuple[int, int]]:
-    """Return the pairs of objects, by ascending index, some of whose paths may be too near."""
-    size = len(reach.step)
-    near = np.zeros((size, size), dtype=np.bool_)
-    for centre, radius in zip(reach.centre, reach.radius, strict=True):
+    near = np.zeros((len(step), len(step)), dtype=np.bool_)
+    for centre, radius in zip(centres.transpose(1, 0, 2), radii.T, strict=True):
         # Both may come nearer on the way to and from this time.
-        around = radius + 0.5 * reach.step
+        around = radius + 0.5 * step
         gap = np.hypot(*(centre[:, None] - centre).transpose(2, 0, 1))
         near |= gap <= around[:, None] + around + distance
     first, second = np.triu(near, 1).nonzero()
@@ -159,7 +150,7 @@ def predict(
     found: list[tuple[float, ...]] = []
     mean = place[..., :2].mean(axis=1)
     velocity = (mean[:, 1] - mean[:, 0]) / model.interval_s
-    pairs = _candidates(_reach_of(place), model.distance) if model.distance > 0.0 else []
+    pairs = _candidates(place, model.distance) if model.distance > 0.0 else []
     friends = {OWN_SHIP, *named.friends}
     for one, other in pairs:
         if {int(number[one]), int(number[other])} <= friends:
@@ -348,10 +339,8 @@ class Watch:
         if targets is None or not self.model.enabled:
             return None
         reported = targets.select((targets.track_state != TENTATIVE) & (targets.track_id > 0))
-        rng = np.random.default_rng(stamp_ns)
-        model = self.model
-        drawn = reported.track_id, model.interval_s, model.steps, model.paths, rng
-        paths = engine.paths(*drawn)
+        rng, model = np.random.default_rng(stamp_ns), self.model
+        paths = engine.paths(reported.track_id, model.interval_s, model.steps, model.paths, rng)
         if paths is None:
             return None
         row_of = {track: row for row, track in enumerate(reported.track_id.tolist())}

@@ -10,7 +10,6 @@ import numpy as np
 from ..arrays import FloatArray
 from ..association.evidence import PairEvidence
 from ..sensors.view import View
-from . import detection_birth
 from .detection_birth import EarlierLooks, Newborn
 from .tracker_model import TrackerModel
 
@@ -47,7 +46,9 @@ class CompetingSources:
         """
         total = self.total
         unknown = (1.0 - claimed) * self.intensity[1:] / np.where(total > 0.0, total, 1.0)
-        return detection_birth.newborn_of(report, unknown.T, least_mass)
+        mass = unknown.T
+        rows = (mass.sum(axis=1) >= least_mass).nonzero()[0]
+        return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows])
 
 
 def log_intensities(

@@ -155,12 +155,6 @@ class Newborn:
         return Newborn(self.report.take(rows), self.mass[rows])
 
 
-def newborn_of(report: View, mass: FloatArray, least_mass: float) -> Newborn:
-    """Return the detections with at least a newborn mass, given their masses (M, C)."""
-    rows = (mass.sum(axis=1) >= least_mass).nonzero()[0]
-    return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows])
-
-
 def missed_by(reports: Sequence[View], position: FloatArray, modes: ModeSpace) -> FloatArray:
     """Return the probability that reports miss a target at each position, (M, P) to (C, M).
 

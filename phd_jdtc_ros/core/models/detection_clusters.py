@@ -7,6 +7,7 @@ or like another target.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -66,23 +67,19 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     if up:
         measured = [np.hypot(measured[0], up[0]), measured[1], np.arctan2(up[0], measured[0])]
     measurement = np.stack(measured, axis=1)
-    std, rate_std = detections.noise_std, detections.range_rate_std
-    time_s, height, z = detections.time_s, detections.height, detections.z
-    correlation = detections.noise_correlation
+    averaged = (
+        *("time_s", "noise_std", "noise_correlation", "range_rate_std", "velocity"),
+        *("velocity_std", "height", "z", "z_std"),
+    )
+    means: dict[str, Any] = {
+        name: _means(group, getattr(detections, name), count) for name in averaged
+    }
     return replace(
         detections,
         measurement=measurement,
         amplitude=_largest(group, detections.amplitude, count),
-        time_s=None if time_s is None else _mean(group, time_s, count),
-        noise_std=_mean_pairs(group, std, count),
-        noise_correlation=None if correlation is None else _mean(group, correlation, count),
         range_rate=_mean_rate(group, rates, count),
-        range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
-        velocity=_mean_pairs(group, detections.velocity, count),
-        velocity_std=_mean_pairs(group, detections.velocity_std, count),
-        height=None if height is None else _mean(group, height, count),
-        z=None if z is None else _mean(group, z, count),
-        z_std=None if detections.z_std is None else _mean(group, detections.z_std, count),
+        **means,
         code=_first_known(group, detections.code, count),
         address=_first_known(group, detections.address, count),
         detection_type=_highest_type(group, detections.detection_type, count),
@@ -177,9 +174,11 @@ def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
     return np.where(number > 0.0, total / np.maximum(number, 1.0), np.nan)
 
 
-def _mean_pairs(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:
-    """Return the means of each group's known values in each column, (M, V) to (count, V)."""
-    return None if value is None else np.stack([_mean(group, v, count) for v in value.T], axis=1)
+def _means(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:
+    """Return the means of each group's known values, (M,) or (M, V); None without values."""
+    if value is None or value.ndim == 1:
+        return None if value is None else _mean(group, value, count)
+    return np.stack([_mean(group, column, count) for column in value.T], axis=1)
 
 
 def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:

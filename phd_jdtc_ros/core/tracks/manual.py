@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray
 from ..types import Estimates
 
 START, DROP, RESTORE, NAME, MARK = VERBS = ("start", "drop", "restore", "name", "mark")
@@ -69,7 +68,8 @@ class Manual:
 
     def select(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
         """Return the estimates of each stamp without dropped tracks."""
-        return tuple(found.select(~_among(found, self.dropped)) for found in estimates)
+        dropped = [*self.dropped]
+        return tuple(found.select(~np.isin(found.track_id, dropped)) for found in estimates)
 
     @property
     def own(self) -> frozenset[int]:
@@ -80,7 +80,3 @@ class Manual:
     def friends(self) -> frozenset[int]:
         """The tracks that are friends, or own ship."""
         return frozenset(self.marks)
-
-
-def _among(estimates: Estimates, tracks: set[int]) -> BoolArray:
-    return np.isin(estimates.track_id, [*tracks])

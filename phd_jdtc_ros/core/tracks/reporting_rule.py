@@ -113,15 +113,11 @@ def _miss_probabilities(target_class: ClassModel, sensors: tuple[Sensor, ...]) -
     log_snr = low + (high - low) * (np.arange(SNR_POINTS) + 0.5) / SNR_POINTS
     missed = np.ones(SNR_POINTS)
     for sensor in sensors:
-        missed *= _miss_probability(sensor, log_snr)
+        if (largest := sensor.visibility.largest_probability) is not None:
+            missed *= 1.0 - largest
+        else:
+            missed *= -np.expm1(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
     return missed
-
-
-def _miss_probability(sensor: Sensor, log_snr: FloatArray) -> FloatArray:
-    """Return 1 - p_D of targets of given ln(1 + SNR), where it is least."""
-    if (largest := sensor.visibility.largest_probability) is not None:
-        return np.full_like(log_snr, 1.0 - largest)
-    return -np.expm1(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
 
 
 def _record_weight(missed: FloatArray) -> float:
@@ -131,8 +127,7 @@ def _record_weight(missed: FloatArray) -> float:
     probability that all radars miss a target of the class. A given detection probability is the
     same for all targets.
     """
-    variance = float(missed.var())
-    mean = float(missed.mean())
+    variance, mean = float(missed.var()), float(missed.mean())
     # Relative variances below this are rounding errors.
     return mean**2 / variance if variance > 1e-9 * mean**2 else float(np.inf)
 

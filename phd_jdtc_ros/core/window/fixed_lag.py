@@ -165,7 +165,8 @@ class GaussianEngine:
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the pending estimates, smoothed with the scans of the window, and begin again."""
-        pending, count = self._smooth_pending(), self._tracks.count
+        count = self._tracks.count
+        pending = tuple(self._smooth_oldest() for _ in self._stamps)
         self.reset()
         self._tracks.count = count
         return pending
@@ -317,10 +318,6 @@ class GaussianEngine:
             estimates = estimates.with_heights(prior.largest_std)
         known = estimates.attributes is not None
         return self._tracks.assign(estimates, Reach.of(self.forward.model) if known else None)
-
-    def _smooth_pending(self) -> tuple[Estimates, ...]:
-        """Smooth all pending stamps with the scans of the window."""
-        return tuple(self._smooth_oldest() for _ in self._stamps)
 
     def _smooth_oldest(self) -> Estimates:
         """Return the targets at the oldest pending stamp, smoothed with all later scans.

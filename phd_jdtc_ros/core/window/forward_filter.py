@@ -32,10 +32,6 @@ from .update import update_scan
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
 
-def _ignore(stage: str) -> None:
-    """Ignore the end of a stage."""
-
-
 class Progress(NamedTuple):
     """The filter's part of a snapshot, without its sets."""
 
@@ -56,7 +52,7 @@ class ForwardFilter:
     model: TrackerModel
     bounds: Bounds
     # Called with the name of each stage of a step when it ends, for timing.
-    on_stage_end: Callable[[str], None] = field(default=_ignore, kw_only=True)
+    on_stage_end: Callable[[str], None] = field(default=lambda _: None, kw_only=True)
     # The stamps ascend; the last element has all rows of the last scan's set.
     unswept: list[UnsweptRows] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
@@ -138,7 +134,9 @@ class ForwardFilter:
         parent[len(parts[0]) if aged else 0 :] = -1
         parts.clear()  # the update needs the memory
         branched = Branched(predicted, parent)
-        self._take_reports(scan)
+        if (layer := self.factors.reports) is not None and scan.self_reports is not None:
+            layer = layer.with_reports(scan.self_reports, scan.stamp_ns)
+            self.factors = self.factors.changed(reports=layer)
         steps = GaussianSteps(dynamics, self.bounds)
         updated = update_scan(branched, scan, steps, dt, index, self.factors)
         self.factors, self.approximate = updated.factors, updated.approximate
@@ -155,12 +153,6 @@ class ForwardFilter:
                 reports=after_scan(layer, stored, living, scan.stamp_ns)
             )
         return entry
-
-    def _take_reports(self, scan: Scan) -> None:
-        """Update the layer of self-reports with those before a scan."""
-        if self.factors.reports is not None and scan.self_reports is not None:
-            layer = self.factors.reports.with_reports(scan.self_reports, scan.stamp_ns)
-            self.factors = self.factors.changed(reports=layer)
 
     def report(self, states: TrackStates, scan: Scan) -> Estimates:
         """Return the reported targets of the latest scan; see `TrackStates.report_filtered`.

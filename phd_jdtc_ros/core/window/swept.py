@@ -35,13 +35,7 @@ Reports = Sequence[View]
 def partition_swept(
     unswept: list[UnsweptRows], scan: Scan, model: TrackerModel
 ) -> tuple[list[UnsweptRows], list[UnsweptRows]]:
-    """Return the rows of targets that a scan may have swept, and all other rows.
-
-    Parameters
-    ----------
-    unswept : list of UnsweptRows
-        Oldest first.
-    """
+    """Return the rows of targets, oldest first, that a scan may have swept, and all other rows."""
     reports = model.reports(scan)
     if not unswept or _covers_all_fields(reports, model):
         return unswept, []
@@ -84,7 +78,6 @@ def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
 
 
 def _covers_all_fields(reports: Reports, model: TrackerModel) -> bool:
-    """Return whether all sensors report their whole fields of view."""
     whole_fields = {report.sensor.name for report in reports if report.detections.coverage is None}
     return len(whole_fields) == len(model.radars)
 

@@ -43,7 +43,6 @@ class UnsweptIndices(NamedTuple):
 
 
 def _sources_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
-    """Store the stamp and the sources of an entry."""
     rows = [source.rows for source in entry.sources if source.rows is not None]
     table = Sources(
         entry.stamp_ns,
@@ -58,18 +57,7 @@ def _sources_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
 def _sources_from_snapshot(
     snapshot: Snapshot, name: str, most: int
 ) -> tuple[int, tuple[Source, ...]]:
-    """Return the stamp and the sources of a stored entry.
-
-    Parameters
-    ----------
-    most : int
-        Largest number of rows of a source.
-
-    Raises
-    ------
-    ValueError
-        If the tracker could not have stored them.
-    """
+    """Return the stamp and the sources of a stored entry, of at most `most` rows each."""
     table = from_snapshot(Sources, snapshot, name, {})
     if table.source_ns.max(initial=-1) >= table.stamp_ns:
         raise ValueError(f"{name}.source_ns: not before {table.stamp_ns}")
@@ -89,7 +77,6 @@ def _sources_from_snapshot(
 
 
 def _require_rows_of(name: str, source: Source, stored: Mixture) -> None:
-    """Raise ValueError unless the rows of an entry's source are rows of this set."""
     size = len(stored)
     if source.rows is not None:
         if source.rows.max(initial=-1) >= size:
@@ -100,7 +87,6 @@ def _require_rows_of(name: str, source: Source, stored: Mixture) -> None:
 
 
 def _entry_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
-    """Store the filter's entry of one scan."""
     _sources_to_snapshot(entry, snapshot, name)
     to_snapshot(entry.stored, snapshot, name)
     if entry.link is not None:
@@ -111,22 +97,10 @@ def _entry_to_snapshot(entry: Entry, snapshot: Snapshot, name: str) -> None:
 def _entry_from_snapshot(
     snapshot: Snapshot, name: str, earlier: Mapping[int, Entry], dynamics: Dynamics, most: int
 ) -> Entry:
-    """Return the stored entry of one scan.
+    """Return the stored entry of one scan, of at most `most` hypotheses.
 
-    Parameters
-    ----------
-    earlier : mapping of stamp to Entry
-        Entries stored before it. If a source is not among them it has left the window, and the
-        link is dropped.
-    dynamics : Dynamics
-        Dynamics of the tracker that continues from the entry.
-    most : int
-        Largest number of hypotheses allowed.
-
-    Raises
-    ------
-    ValueError
-        If the entry does not fit the tracker or the earlier entries.
+    `earlier` has the entries stored before it, by stamp. If a source is not among them it has left
+    the window, and the link is dropped.
     """
     modes, size = dynamics.supported.shape
     classes, cells = dynamics.cells.log_snr.shape
@@ -154,13 +128,7 @@ def unswept_to_snapshot(unswept: UnsweptRows, snapshot: Snapshot) -> None:
 
 
 def unswept_from_snapshot(snapshot: Snapshot, entry: Entry) -> UnsweptRows:
-    """Return the rows of an entry that no later scan has swept.
-
-    Raises
-    ------
-    ValueError
-        If the stored rows are not rows of the entry.
-    """
+    """Return the stored rows of an entry; raise `ValueError` if they are not rows of it."""
     name = f"current.{entry.stamp_ns}"
     rows = from_snapshot(UnsweptIndices, snapshot, name, {}).rows
     if rows is not None and rows.max(initial=-1) >= len(entry.stored):
@@ -181,12 +149,9 @@ def window_to_snapshot(
 def window_from_snapshot(
     snapshot: Snapshot, dynamics: Dynamics, most: int
 ) -> tuple[list[int], dict[int, Entry]]:
-    """Return the pending stamps, and the entries by stamp; see `_entry_from_snapshot`.
+    """Return the pending stamps, and the entries by stamp, of at most `most` hypotheses each.
 
-    Raises
-    ------
-    ValueError
-        If the tracker could not have stored them.
+    Raise `ValueError` if the tracker with these dynamics could not have stored them.
     """
     table, latest = from_snapshot(Window, snapshot, "window", {}), snapshot.stamp_ns
     if latest is not None and not (type(latest) is int and 0 <= latest <= MAX_STAMP_NS):
