@@ -9,9 +9,9 @@ from typing import Any
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import point_cloud
-from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import ConfigError, check, parameter, shared, table
+from phd_jdtc_ros.parameter_files.node_tables import Managed, Receiving
 from phd_jdtc_ros.transponders.stream import WIDE, Batch, ReportStream, StreamSettings, columns
 from phd_jdtc_ros.transport import sockets
 

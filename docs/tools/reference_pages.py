@@ -13,7 +13,6 @@ from msg_adapters.outgoing import diagnostics, outputs
 from phd_jdtc_ros import report_bridge as reports
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
-from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.schema import Parameter, table
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS
 from phd_jdtc_ros.configuration.tables import TABLES, TOP, schema
@@ -21,6 +20,7 @@ from phd_jdtc_ros.evaluation.run_scores import CURVES, GROUPS, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.nodes.tracker import settings as tracker
 from phd_jdtc_ros.parameter_files import node_tables, yaml_files
+from phd_jdtc_ros.parameter_files.node_tables import Managed, Receiving
 from phd_jdtc_ros.study.metrics import OF_STUDY
 
 _PARAMETERS = """\

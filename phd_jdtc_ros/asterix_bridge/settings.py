@@ -14,7 +14,6 @@ from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettin
 from phd_jdtc_ros.asterix.writing import Source
 from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.parameters import replaced
-from phd_jdtc_ros.configuration.parameters.node import Managed, Receiving
 from phd_jdtc_ros.configuration.parameters.place_forms import PLACE
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
@@ -26,6 +25,7 @@ from phd_jdtc_ros.configuration.schema import (
     with_members,
 )
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files.node_tables import Managed, Receiving
 from phd_jdtc_ros.transport import sockets
 
 from .conversion import TrackOutput

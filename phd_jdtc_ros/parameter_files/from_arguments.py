@@ -12,9 +12,9 @@ from typing import Any
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.parameters import node
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files import node_tables
 from phd_jdtc_ros.simulation import scenario_file
 
 from . import sections, yaml_files
@@ -124,7 +124,7 @@ def without_node(given: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: value
         for name, value in given.items()
-        if name not in node.NAMES and sections.is_own(name)
+        if name not in node_tables.NAMES and sections.is_own(name)
     }
 
 

@@ -14,11 +14,11 @@ from typing import Any
 from msg_adapters.outgoing import cot, outputs
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.parameters.node import NAMES, Node
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, table
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files.node_tables import NAMES, Node
 
 from . import senders
 

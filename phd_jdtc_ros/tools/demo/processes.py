@@ -16,8 +16,7 @@ from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.parameters import node
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, node_tables
 from phd_jdtc_ros.parameter_files.node_tables import CLOUD
 
 START_S, STOP_S = 60.0, 10.0
@@ -163,7 +162,7 @@ def run(
         for topic in [*(radar.topic for radar in config.inputs), *config.radars_by_platform]
     }
     if config.known_plane is not None:  # Viewers with a map of the earth need it
-        given["outputs"] = f"[{', '.join([*node.Node().outputs, 'navsat'])}]"
+        given["outputs"] = f"[{', '.join([*node_tables.Node().outputs, 'navsat'])}]"
     with Processes(logs) as nodes:
         parameters = logs / PARAMETERS
         bag_parameters.write(parameters, config.values)

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.parameters import node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, sections
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, node_tables, sections
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 
@@ -63,7 +62,7 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
 def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
     """Return the ``outputs`` in a file that `load` accepts, with or without the radars' frames."""
     given = sections.read(Path(params_file)).values(tracker) if params_file else {}
-    others = given.get("outputs", node.Node().outputs)
+    others = given.get("outputs", node_tables.Node().outputs)
     return [*(name for name in others if name != "frames"), *(["frames"] if frames else [])]
 
 

@@ -14,11 +14,11 @@ from msg_adapters.encoding import interfaces, stamps
 from msg_adapters.outgoing import diagnostics, outputs
 from msg_adapters.targets.tracks import Trails
 from phd_jdtc_ros.configuration.engines import ENGINES
-from phd_jdtc_ros.configuration.parameters import node
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.run_scores import Evaluation
+from phd_jdtc_ros.parameter_files import node_tables
 
 KEYS = [
     *("ospa", "localization", "cardinality"),
@@ -142,7 +142,7 @@ def switches(rows):
 
 def test_usual_outputs_are_on_by_default_and_no_switch_is_of_unusual_rows_too():
     usual = {row for row in outputs.table(1) if row.usual}
-    assert switches(usual) == {*node.Node().outputs} - OTHERS
+    assert switches(usual) == {*node_tables.Node().outputs} - OTHERS
     rows = outputs.table(1)
     usual = switches(row for row in rows if row.usual)
     assert not usual & switches(row for row in rows if not row.usual)

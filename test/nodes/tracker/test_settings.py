@@ -6,11 +6,11 @@ from lone import lone
 from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.parameters.node import NAMES
 from phd_jdtc_ros.configuration.parameters.radar import LEARNED
 from phd_jdtc_ros.configuration.tables import schema
 from phd_jdtc_ros.nodes.tracker.inputs import queue_depth
 from phd_jdtc_ros.nodes.tracker.settings import TABLE, change, edit, resolve
+from phd_jdtc_ros.parameter_files.node_tables import NAMES
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
