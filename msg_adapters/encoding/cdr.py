@@ -99,9 +99,6 @@ class Writer:
 
 # --- messages -----------------------------------------------------------------------------------
 
-_SEQUENCE = re.compile(r"sequence<(.+?)(?:, \d+)?>")
-_ARRAY = re.compile(r"(.+)\[\d+\]")
-
 Put = Callable[[Writer, Any], object]
 
 
@@ -130,9 +127,9 @@ def _members(kind: Any) -> tuple[tuple[str, Put], ...]:
 
 def _put_of(kind: str) -> Put:
     """Return the writer of a type, named as by `get_fields_and_field_types`."""
-    if match := _SEQUENCE.fullmatch(kind):
+    if match := re.fullmatch(r"sequence<(.+?)(?:, \d+)?>", kind):
         return partial(_put_sequence, _put_entries_of(match[1]))
-    if match := _ARRAY.fullmatch(kind):
+    if match := re.fullmatch(r"(.+)\[\d+\]", kind):
         return _put_entries_of(match[1])
     if code := _CODES.get(kind):
         return lambda writer, value: writer.put(code, value)

@@ -31,8 +31,8 @@ DEFAULTS: Mapping[str, Any] = {
     "detection_births.std": [40.0, 0.02],
 }
 TURN_RATE_STD = 0.02  # Of targets that are born at detections, rad/s
-# Parameters without a default; the user or a recording must provide them. Those of sensors by kind.
-REQUIRED = ("interval_s",)
+# Parameters of sensors without a default, by kind; the user or a recording must provide them, and
+# `interval_s`.
 REQUIRED_OF_SENSORS: Mapping[str, Sequence[str]] = {
     "radar": ("range_std", "azimuth_std_deg", "max_range"),
     "position": ("position_std", "area"),
@@ -203,7 +203,7 @@ class Parameters:
         ]
         return [
             f"{name}: is missing, must be given or estimated by fit"
-            for name in (*REQUIRED, *of_sensors)
+            for name in ("interval_s", *of_sensors)
             if name not in values
         ]
 

@@ -162,7 +162,6 @@ def _add_remainder(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: 
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 # Messages outside of chunks are read in runs of at most this many bytes, or of one message.
 RUN_SIZE = 2**20
-_DATA_END = RECORD_HEAD + 4
 # Records that may occur between the header and the end of the data.
 _IN_DATA = {
     Opcode.SCHEMA,
@@ -180,11 +179,9 @@ _CHUNK_HEAD = (
     rb"\x06(?P<length>.{5}\0{3}).{16}.{5}\0{3}.{4}"
     rb"(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4)(?P<data>.{5}\0{3})"
 )
-_LONGEST_HEAD = 64
 _BLOCK = 2**20
 # Upper bound of searches, which limits the work on a malicious file with many false records.
 _MOST_SEARCHES = 1000
-_DAY_NS = 86_400 * 10**9
 
 
 @dataclass
@@ -250,7 +247,7 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
     while position + RECORD_HEAD <= end:
         opcode, length = head(stream, position)
         after = position + length
-        if opcode == Opcode.DATA_END and length == _DATA_END:
+        if opcode == Opcode.DATA_END and length == RECORD_HEAD + 4:
             return after
         try:
             _add_record(stream, position, end, found)
@@ -321,12 +318,8 @@ def _is_damaged_message(
     if position + _MESSAGE_HEAD.size > end:
         return False
     opcode, _, channel_id, _, its_time, _ = _message_head(stream, position)
-    signs = (
-        opcode == Opcode.MESSAGE,
-        channel_id in found.channels,
-        abs(its_time - log_time) < _DAY_NS,
-    )
-    return sum(signs) >= 2
+    near = abs(its_time - log_time) < 86_400 * 10**9  # A day
+    return sum((opcode == Opcode.MESSAGE, channel_id in found.channels, near)) >= 2
 
 
 def _add_definition(stream: BinaryIO, position: int, length: int, found: Index) -> None:
@@ -367,7 +360,8 @@ def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
     heads = re.compile(_CHUNK_HEAD + message, re.DOTALL)
     for block_at in range(start, end, _BLOCK):
         stream.seek(block_at)
-        block = stream.read(min(_BLOCK + _LONGEST_HEAD, end - block_at))
+        # A head that begins at the block's end is shorter than this.
+        block = stream.read(min(_BLOCK + 64, end - block_at))
         at = 0
         while (match := heads.search(block, at)) is not None:
             begin = block_at + match.start()

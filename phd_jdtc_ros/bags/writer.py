@@ -20,7 +20,6 @@ from .parts import METADATA
 
 # rosbag2's infinite duration.
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
-ROS_DISTRO = "jazzy"
 
 
 @dataclass(frozen=True)
@@ -186,7 +185,7 @@ class BagWriter:
                     }
                 ],
                 "custom_data": None,
-                "ros_distro": ROS_DISTRO,
+                "ros_distro": "jazzy",
             }
         }
 

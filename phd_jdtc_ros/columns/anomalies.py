@@ -37,12 +37,6 @@ OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated", "ar
 # Largest share of them that is normal, if it is not MANY: heights come with the replies of
 # transponders, so that primary plots and false ones have none, and weak plots have no elevation.
 MANY, NORMAL = 0.05, {"heights_unknown": 0.5, "elevations_unknown": 0.5}
-# Parameters of the noise of the components of all kinds of sensors.
-DEVIATIONS = {
-    component: parameter
-    for kind in (RadarParameters, PositionParameters)
-    for component, (parameter, _) in kind.noise_parameters.items()
-}
 
 
 def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
@@ -156,7 +150,8 @@ def of_noise(fit: Fit) -> str | None:
 def _of_noise(fit: Fit, wrong: str, which: BoolArray, factor: FloatArray) -> str:
     """Return the warning about the components whose noise is wrong in one way."""
     numbers = which.nonzero()[0].tolist()
-    names = [DEVIATIONS.get(each, f"{each}_std") for each in fit.components]
+    known = {**RadarParameters.noise_parameters, **PositionParameters.noise_parameters}
+    names = [known.get(each, (f"{each}_std", ""))[0] for each in fit.components]
     deviations = ", ".join(
         f"{_plural(fit.components[k])} off by {fit.noise[k]:.2g} times {names[k]}" for k in numbers
     )

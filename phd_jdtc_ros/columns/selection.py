@@ -22,12 +22,10 @@ from . import ground_ranges, identities, sent_columns
 
 # No azimuth, in radians or degrees, has a larger magnitude; a range has.
 NO_ANGLE = 720.0
-# Largest time from the stamp in revolutions, or in seconds if the time of a revolution is unknown.
-MAX_REVOLUTIONS_OFF = 1.5
+# Largest time from the stamp if the time of a revolution is unknown, seconds.
 MAX_SECONDS_OFF = 60.0
-# Plausible standard deviations of ranges, m, and of azimuths, rad.
+# Plausible standard deviations of ranges, m.
 RANGE_STDS = (1e-3, 1e5)
-AZIMUTH_STDS = (1e-6, np.pi)
 # Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
 # Plausible standard deviations of range rates, m/s.
@@ -93,12 +91,13 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         # Largest azimuth in revolutions; beyond it, single precision is coarser than 0.03 degrees.
         "azimuth": azimuth_size <= 1000.0 * FULL_TURN,
     }
-    most_s = MAX_REVOLUTIONS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+    most_s = 1.5 * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
     kept, dropped, common, common_counts = keep(stamp_ns, radar, columns, passed, most_s)
 
     range_std, bad_ranges = kept_values(columns, "range_std", kept, RANGE_STDS)
     scale = np.pi / 180.0 if radar.units.in_degrees else 1.0
-    azimuth_std, bad_azimuths = kept_values(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
+    # Plausible standard deviations of azimuths, rad.
+    azimuth_std, bad_azimuths = kept_values(columns, "azimuth_std", kept, (1e-6, np.pi), scale)
     rate_std, bad_rate_stds = kept_values(columns, "range_rate_std", kept, RANGE_RATE_STDS)
     rate, bad_rates = kept_values(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
     interval = radar.range_rate_ambiguity or np.inf

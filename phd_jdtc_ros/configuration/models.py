@@ -138,12 +138,10 @@ def _addresses(parts: Parts) -> Faults:
                 yield f"{name}.{key}: {own!r} given, another sensor has it too"
 
 
-_CHECKS = (_names, _classes, _tracking, _births, _addresses)
-
-
 def faults(parts: Parts) -> list[str]:
     """Return every fault of parameters that do not fit together."""
-    found = [fault for check in _CHECKS for fault in check(parts)]
+    checks = (_names, _classes, _tracking, _births, _addresses)
+    found = [fault for check in checks for fault in check(parts)]
     every = [*parts.sensors.values(), *parts.receivers.values()]
     for kind, own in KINDS.items():
         sensors = [sensor for sensor in every if sensor.kind == kind]

@@ -21,13 +21,16 @@ _ENTRIES = tuple(
         f"{each.name}.{key}" for own in TABLES.values() for each in own for key in each.keys
     )
 )
-# What a tracker finds out about a radar is not part of the scene: what it learns, and the biases,
-# which are estimated from a recording.
-NOT_SCENE = ("learn", "biases")
-# The lists that name the scene's parts, and the scene parameters of each part.
+# The lists that name the scene's parts, and the scene parameters of each part. What a tracker finds
+# out about a radar is not part of the scene: what it learns, and the biases, which are estimated
+# from a recording.
 PARTS: dict[str, tuple[str, ...]] = {
     "sensors": (
-        *(each.name for each in GROUPS["sensors"] if not each.keys and each.name not in NOT_SCENE),
+        *(
+            own.name
+            for own in GROUPS["sensors"]
+            if not (own.keys or own.name in ("learn", "biases"))
+        ),
         *_ENTRIES,
     ),
     "classes": ("snr_band_db",),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -38,9 +38,6 @@ from .common.parameters import TrackerParameters
 LATCHED = (names.STATIC_FRAMES,)
 # Topics that the replay itself, every node, or the nodes that the bag is played to publish.
 LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
-LEFT_OUT_UNDER = (f"{names.TRACKER}/", f"{names.OSPA.rpartition('/')[0]}/")
-
-_TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 
 
 @dataclass(frozen=True)
@@ -69,7 +66,10 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
         raise BagError(
             f"{bag.path}: {', '.join(missing)} missing; it has {', '.join(sorted(bag.types))}"
         )
-    left_out = LEFT_OUT_UNDER + _tracker_prefixes(bag.types)
+    # Trackers are recognised by their estimates.
+    end = names.estimates(FILTERED, "")
+    trackers = (topic.removesuffix(end) + "/" for topic in bag.types if topic.endswith(end))
+    left_out = f"{names.TRACKER}/", f"{names.EVALUATOR}/", *trackers
     selected = wanted or [
         topic
         for topic in sorted(bag.types)
@@ -104,12 +104,6 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
     return Playable(classes, scans, tuple(detections), tuple(truth), manual, lines)
 
 
-def _tracker_prefixes(topics: Iterable[str]) -> tuple[str, ...]:
-    """Return the topics' prefixes of all trackers, which are recognised by their estimates."""
-    end = names.estimates(FILTERED, "")
-    return tuple(topic.removesuffix(end) + "/" for topic in topics if topic.endswith(end))
-
-
 def _is_topic_name(topic: str) -> bool:
     try:
         return bool(validate_full_topic_name(topic))
@@ -119,7 +113,7 @@ def _is_topic_name(topic: str) -> bool:
 
 def _message_class(type_name: str) -> Any:
     """Return a message class, None without its package; a bag's name imports no other package."""
-    match = _TYPE_NAME.fullmatch(type_name)
+    match = re.fullmatch(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)", type_name)
     if match is None:
         return None
     spec = importlib.util.find_spec(match[1])

@@ -20,20 +20,15 @@ from .messages import AIS, KNOT, MMSI, NONE, Heard
 
 # A message has at most nine sentences; those of a message come within a few seconds.
 LONGEST_WAIT_NS, MOST_WAITING = 10 * 10**9, 500
-# Standard deviations on each axis with the flag of accuracy (within 10 m) and without, metres, and
-# of the rounding of coarse positions to a tenth of a minute.
+# Standard deviations on each axis with the flag of accuracy (within 10 m) and without, metres.
 ACCURATE_STD, INACCURATE_STD = 4.0, 12.0
-COARSE_STD = 1852.0 / 10.0 / math.sqrt(12.0)
 # Bits of each type up to the last field that is used: the rest of a cut message is zeros.
 _BITS = {1: 143, 2: 143, 3: 143, 4: 78, 5: 270, 18: 139, 19: 301, 24: 160, 27: 94}
 # Shortest intervals of positions by type, seconds: class A, class B, and long range (ITU-R M.1371).
 _POSITIONS = {**dict.fromkeys((1, 2, 3), 2.0), **dict.fromkeys((18, 19), 30.0), 27: 180.0}
 _STATIC = (5, 19, 24)
-_BASE_STATION = 4
 # Values of "not available": speed (knots), course and heading (degrees).
 _NO_SPEED, _NO_COARSE_SPEED, _NO_COURSE, _NO_HEADING = 102.3, 63.0, 360.0, 511
-# Craft of a parent ship have its number in the place of their dimensions.
-_AUXILIARY = 98
 _LINE = re.compile(
     rb"(?:(?P<before>\d{10}(?:\.\d+)?)[\s,;]+)?[^\\!$]*(?:\\(?P<tags>[^\\]*)\\)?"
     rb"(?P<sentence>[!$](?P<body>[^*]*)\*(?P<sum>[0-9A-Fa-f]{2}))(?:[^\\]*?,(?P<after>\d{10}))?.*",
@@ -191,7 +186,7 @@ def _heard(message: Any, own_ship: bool) -> Heard | None:
     """Return what a message says, None if it is of another type."""
     kind = message.msg_type
     heard = Heard(MMSI, int(message.mmsi), network=AIS, own_ship=own_ship)
-    if kind == _BASE_STATION:
+    if kind == 4:  # A base station
         return heard._replace(own_ns=_date(message), clock=True)
     if kind not in _POSITIONS and kind not in _STATIC:
         return None
@@ -208,7 +203,8 @@ def _with_position(heard: Heard, message: Any, coarse: bool) -> Heard:
     heading = _NO_HEADING if coarse else int(message.heading)
     second = NONE if coarse else int(message.second)
     std = ACCURATE_STD if message.accuracy else INACCURATE_STD
-    std = math.hypot(std, COARSE_STD) if coarse else std
+    if coarse:  # Rounded to a tenth of a minute
+        std = math.hypot(std, 1852.0 / 10.0 / math.sqrt(12.0))
     known_speed = speed < (_NO_COARSE_SPEED if coarse else _NO_SPEED)
     return heard._replace(
         # Positions are of any time within their second.
@@ -230,7 +226,8 @@ def _with_position(heard: Heard, message: Any, coarse: bool) -> Heard:
 def _with_ship(heard: Heard, message: Any) -> Heard:
     name = str(getattr(message, "shipname", "") or "").strip()
     found = heard._replace(name=name, type=int(getattr(message, "ship_type", 0) or 0))
-    if hasattr(message, "to_bow") and heard.address // 10**7 != _AUXILIARY:
+    # Craft of a parent ship, 98, have its number in the place of their dimensions.
+    if hasattr(message, "to_bow") and heard.address // 10**7 != 98:
         sides = (message.to_bow, message.to_stern, message.to_port, message.to_starboard)
         bow, stern, port, starboard = (int(side or 0) for side in sides)
         hull = (bow, stern, port, starboard) if any(sides) else None

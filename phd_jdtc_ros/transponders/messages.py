@@ -17,12 +17,6 @@ KNOT, FOOT = 1852.0 / 3600.0, 0.3048
 NOT_SAID = 255
 # Standard deviation on each axis of a position whose accuracy is unknown, metres.
 UNKNOWN_STD = 50.0
-# 95 % of the errors of a circular normal distribution are within this many standard deviations.
-WITHIN_95 = math.sqrt(-2.0 * math.log(0.05))
-# Radius with 95 % of the errors (EPU) by the navigation accuracy category NACp from 1 on (RTCA
-# DO-260B, table 2-71), and by the NUCp of older transponders (DO-260, table 2-11), metres.
-_NACP = (18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0)
-_NUCP = (18520.0, 9260.0, 1852.0, 926.0, 463.0, 185.2, 92.6, 10.0, 3.0)
 
 
 class Heard(NamedTuple):
@@ -64,16 +58,20 @@ class Heard(NamedTuple):
 
 def of_nacp(category: int) -> tuple[float, int]:
     """Return the standard deviation on each axis of an accuracy category, and `Heard.accurate`."""
-    return _of_radius(_NACP, category)
+    # Radii with 95 % of the errors (EPU) from category 1 on, RTCA DO-260B, table 2-71, metres.
+    radii = (18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0)
+    return _of_radius(radii, category)
 
 
 def of_nucp(category: int) -> tuple[float, int]:
-    """Return the same as `of_nacp` for a category of transponders of DO-260."""
-    return _of_radius(_NUCP, category)
+    """Return the same as `of_nacp` for a category of transponders of DO-260, table 2-11."""
+    radii = (18520.0, 9260.0, 1852.0, 926.0, 463.0, 185.2, 92.6, 10.0, 3.0)
+    return _of_radius(radii, category)
 
 
 def _of_radius(radii: tuple[float, ...], category: int) -> tuple[float, int]:
     if not 0 < category <= len(radii):
         return UNKNOWN_STD, NOT_SAID
     radius = radii[category - 1]
-    return radius / WITHIN_95, int(radius <= 10.0)
+    # Standard deviations of a circular normal distribution with 95 % within the radius.
+    return radius / math.sqrt(-2.0 * math.log(0.05)), int(radius <= 10.0)

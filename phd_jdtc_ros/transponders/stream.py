@@ -23,7 +23,6 @@ from .transmitters import Dated, Transmitters
 UNKNOWN = 2**32 - 1
 # Columns of double precision.
 WIDE = ("latitude", "longitude", "time")
-_ELLIPSE = ("x_std", "y_std", "correlation")
 
 
 class Batch(NamedTuple):
@@ -86,7 +85,7 @@ def columns(batch: Batch, ellipses: bool = False) -> dict[str, npt.NDArray[Any]]
     def small(name: str) -> npt.NDArray[np.uint8]:
         return np.array(by_name[name]).clip(0, 255).astype(np.uint8)
 
-    std = _ELLIPSE if ellipses else ("x_std",)
+    std = ("x_std", "y_std", "correlation") if ellipses else ("x_std",)
     hulls = np.array([_hull(each) for each in found])
     address = column("address")
     return {
@@ -132,7 +131,6 @@ _BEAST_HEAD = 7
 _SENTENCE = re.compile(rb"[!$][^*]*\*[0-9A-Fa-f]{2}$")
 # Hexadecimal frames as dump1090 writes them, with the clock or without.
 _HEXADECIMAL = re.compile(rb"(?:\*|@([0-9A-Fa-f]{12}))((?:[0-9A-Fa-f]{2}){2,14});")
-_OF_SBS = (b"MSG,", b"MLAT,", b"SEL,", b"ID,", b"AIR,", b"STA,", b"CLK,")
 
 
 class Unit(NamedTuple):
@@ -207,7 +205,7 @@ class Splitter:
             return None
         if b"!" in line or line[:1] in b"\\$":
             return Unit(NMEA, line)
-        if line.startswith(_OF_SBS):
+        if line.startswith((b"MSG,", b"MLAT,", b"SEL,", b"ID,", b"AIR,", b"STA,", b"CLK,")):
             return Unit(SBS, line)
         found = _HEXADECIMAL.fullmatch(line)
         if found is None:

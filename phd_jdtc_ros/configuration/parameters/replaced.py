@@ -15,7 +15,6 @@ CONSTANT = "it is a constant now, {}"
 DERIVED = "it follows from the others"
 REMAPPED = "remap the topic, as with -r BEFORE:=NOW"
 ACCURACY = "use accuracy: fast, normal or high"
-ENGINE = "use engine: phd, phd_as_printed or phd_gaussian"
 OUTPUTS = "use outputs, a list with {} in it"
 REGION = "use region, the margin as its fifth number"
 BIASES = "use biases: [range (m), range gain (m/m), azimuth (degrees), time (s)]"
@@ -27,7 +26,6 @@ BIRTH_STD = (
     "use detection_births.std: [velocity (m/s), turn rate (rad/s), climb rate (m/s)], or its "
     "first numbers"
 )
-HEARD = "it is learned from the reports"
 STEP = "use {}, with the squared step divided by 12 added to its square"
 SOURCE = "use output_source: [SAC, SIC, service]"
 RECORDED = "use record_topics and record_types"
@@ -46,7 +44,10 @@ TRACKER: Mapping[str, str] = {
     "reorder_scans": "use reorder_s, or late_reports: rework",
     "region_margin": REGION,
     "detection_births.particles": "targets born at detections are Gaussians",
-    **dict.fromkeys(("corrector", "death_term", "extraction"), ENGINE),
+    **dict.fromkeys(
+        ("corrector", "death_term", "extraction"),
+        "use engine: phd, phd_as_printed or phd_gaussian",
+    ),
     **dict.fromkeys(
         ("hypotheses_per_target", "least_hypothesis", "merge_distance", "least_mode"), ACCURACY
     ),
@@ -86,7 +87,7 @@ RADAR: Mapping[str, str] = {
     "azimuth_convention": "use units.azimuth_convention",
     "time_reference": "use units.time_reference",
     "report_interval_s": "it is that of AIS with identity: mmsi, and otherwise 1 s",
-    **dict.fromkeys(("lost", "off_prior"), HEARD),
+    **dict.fromkeys(("lost", "off_prior"), "it is learned from the reports"),
     "fields.kind": "use fields.detection_type",
     "range_rate_span": CONSTANT.format("200 m/s"),
     "height": "use position, the height as its third number",

@@ -19,9 +19,6 @@ from ..sensors.sensor import Sensor
 from ..sensors.spatial_radar import SpatialRadar
 from ..types import UNKNOWN, Detections, Pose
 
-# A sensor at this pose measures in its own frame.
-OWN_FRAME = Pose((0.0, 0.0), 0.0)
-
 # Gate, in standard deviations, on the difference of the range rates of one object.
 RATE_SIGMA = 4.0
 # Gate, in standard deviations, on the distance between detections of one object.
@@ -41,7 +38,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
-    own = sensor.at(OWN_FRAME)
+    own = sensor.at(Pose((0.0, 0.0), 0.0))  # Where it measures in its own frame
     motion = own.motion_of(detections)
     if isinstance(own, SpatialRadar):
         plots = _in_space(detections, own)

@@ -39,7 +39,6 @@ from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 MAX_AIRCRAFT = 10_000
 # Tolerance of the distance between two tracks of one aircraft, for errors of both, metres.
 MARGIN = 1000.0
-MAX_ADDRESS = (1 << 24) - 1
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Seen(NamedTuple):
     """Snapshot of track numbers and their `LastSeen`, as columns of R rows."""
 
     number: Annotated[IntArray, integers("R", 1)]
-    address: Annotated[IntArray, integers("R", 0, MAX_ADDRESS)]
+    address: Annotated[IntArray, integers("R", 0, (1 << 24) - 1)]
     stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]
     position: Annotated[FloatArray, floats("RA", -MAX_STATE, MAX_STATE)]
     speed: Annotated[FloatArray, floats("R", -MAX_STATE, MAX_STATE)]
@@ -212,8 +211,6 @@ FEW_NUMBERS = 256
 # Two tracks are apart if their distance is more than this many standard deviations of it, and two
 # aircraft if they were in so many looks.
 APART_SIGMA, APART_LOOKS = 5.0, 3
-# Rank of a track by its state. Of two tracks of one aircraft, the one of lower rank is reported.
-PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
 
 class Numbers(NamedTuple):
@@ -368,8 +365,9 @@ class TrackNumbers:
         `label` has the labels of the tracks that are numbered.
         """
         number = numbered.track_id
-        states = numbered.track_state.tolist()
-        rank = np.array([PREFERENCE[state] for state in states], dtype=np.int64)
+        # Of two tracks of one aircraft, the one of lower rank by its state is reported.
+        ranks = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
+        rank = np.array([ranks[state] for state in numbered.track_state.tolist()], dtype=np.int64)
         reported = [self._reported.get(each, 0) for each in number.tolist()]
         order = np.lexsort((-numbered.weight, label != reported, rank, number))
         is_best = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)

@@ -15,8 +15,6 @@ from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
 from ..tracks.reporting_rule import slowest_s
 
-# Detection probability from which a target at a place should have been seen within some looks.
-LEAST_DETECTION = 0.3
 # Lower bound of the existence probabilities by which others are divided.
 LEAST_EXISTENCE = 1e-12
 
@@ -86,5 +84,6 @@ def _seen(view: View, place: FloatArray, model: TrackerModel) -> BoolArray:
     detected = view.detection_probability_at(usual, measured)
     sector = view.detections.coverage
     inside = sensor.visibility.coverage_probability(measured, sector, sensor.noise_std)
-    seen: BoolArray = detected * inside > LEAST_DETECTION
+    # From this probability on a target should have been seen within some looks.
+    seen: BoolArray = detected * inside > 0.3
     return seen

@@ -25,9 +25,6 @@ from ..types import Scan
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
-# A label that no antenna has swept for this many revolutions or intervals is predicted
-# nevertheless.
-MAX_UNSWEPT_REVOLUTIONS = 1.5
 
 Reports = Sequence[View]
 
@@ -39,7 +36,8 @@ def partition_swept(
     reports = model.reports(scan)
     if not unswept or _covers_all_fields(reports, model):
         return unswept, []
-    longest_s = MAX_UNSWEPT_REVOLUTIONS * slowest_s(model)
+    # A label that no antenna has swept for this long is predicted nevertheless.
+    longest_s = 1.5 * slowest_s(model)
     space = model.modes.space
     extents = [rows.entry.extents for rows in unswept]
     sizes = [extent.label.size for extent in extents]

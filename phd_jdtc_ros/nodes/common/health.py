@@ -32,8 +32,6 @@ _NUMBERS = re.compile(r"\d+(\.\d+)?")
 WARNING_MEMORY_S = 10.0
 # A warning whose cause persists is logged at most once in this time, seconds.
 WARNING_PERIOD_S = 5.0
-# Number of latest intervals whose median is the usual one.
-INTERVALS = 9
 PERIOD_S = 1.0
 # Interval between checks of a node's state, whose change is published at once, seconds.
 CHECK_PERIOD_S = 0.1
@@ -139,10 +137,10 @@ def summary(node: str, statuses: Sequence[DiagnosticStatus]) -> DiagnosticStatus
 
 
 class Rhythm:
-    """The usual interval between events: the median of the latest ones and of a first guess."""
+    """The usual interval between events: the median of nine, of the latest and a first guess."""
 
     def __init__(self, first_guess_s: float) -> None:
-        self._intervals = deque([first_guess_s], maxlen=INTERVALS)
+        self._intervals = deque([first_guess_s], maxlen=9)
         self._last_s: float | None = None
 
     def beat(self, now_s: float) -> None:

@@ -32,8 +32,6 @@ SILENT_AFTER_SCANS, SILENCE_SLACK_S = 2.0, 0.25
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
 # that are listed together for longer than this must both be alive.
 LEASE_S = 30.0
-# Time over which shares of faults of single detections, or clouds, are taken, seconds.
-MINUTE_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class InputHealth:
     _single: Counter[str] = field(default_factory=Counter)
     _texts: dict[str, str] = field(default_factory=dict)
     _many: dict[str, float] = field(default_factory=dict)
-    _minute: Rises = field(default_factory=lambda: Rises(MINUTE_S))
+    _minute: Rises = field(default_factory=lambda: Rises(60.0))
     _dropped_detections: Counter[str] = field(default_factory=Counter)
     _warnings: int = 0
     _warning: str = ""
