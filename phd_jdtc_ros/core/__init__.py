@@ -12,7 +12,7 @@ The path of the data, with the package of each step::
       |  predict                               window.forward_filter: gaussian, targets
       |  update, report by report              window.update
       |  reduce                                gaussian.reduction
-      |  pair with self-reports                reports, by window.self_reports
+      |  pair with self-reports                reports, by window.update
       |------------- extract ---------------> Estimates (filtered): tracks with confirmation,
       |                                        numbers and a common stamp
       |  backward over the lag window          window.fixed_lag, gaussian.smoothing

@@ -4,7 +4,6 @@
 
     confirmation         tentative, confirmed, coasting, no longer reported
     reporting_rule       the thresholds of this
-    coverage             what the sensors of a scan can see of a track
     common_stamp         estimates of sectors at one stamp
     track_numbers        labels to numbers; the same one for an address that returns
     renumbering          the same numbers after scans were processed again

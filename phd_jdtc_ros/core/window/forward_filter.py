@@ -26,9 +26,8 @@ from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snaps
 from ..tracks.confirmation import TrackStates
 from ..tracks.track_numbers import MAX_SCANS
 from ..types import Estimates, Scan
-from .self_reports import after_scan, layer_of
 from .swept import partition_swept, swept_births
-from .update import update_scan
+from .update import after_scan, layer_of, update_scan
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
 

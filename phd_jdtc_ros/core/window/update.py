@@ -1,20 +1,30 @@
-"""The update of hypotheses with the reports of a scan, each of which corrects them in turn."""
+"""The update of hypotheses with the reports of a scan, each of which corrects them in turn.
+
+And the layer of self-reports, to which scans and their associations are handed over.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray, frozen, sum_by
 from ..factors.factor import Look
 from ..factors.state import Factors
+from ..gaussian.mixture import Mixture
 from ..gaussian.reduction import Branched
-from ..gaussian.update import GaussianSteps
+from ..gaussian.update import GaussianSteps, Posterior, PriorMixture
 from ..models.competing_sources import log_intensities
 from ..models.detection_birth import EarlierLooks, Newborn
 from ..models.tracker_model import TrackerModel
+from ..reports import tables
 from ..sensors.view import View
+from ..targets.amplitude_density import of_classes
 from ..tracks import track_numbers
+from ..tracks.reporting_rule import slowest_s
 from ..types import Scan
-from .self_reports import after_look
 
 
 class Updated(NamedTuple):
@@ -92,3 +102,81 @@ def _unseen_since(
     is_own = looks.sensor == own
     others_looked = len(is_own) > 0 and not is_own.any()
     return max(dt, model.modes.interval_s) if others_looked else dt, None
+
+
+# Lower bound of the existence probabilities by which others are divided.
+LEAST_EXISTENCE = 1e-12
+
+
+def layer_of(model: TrackerModel) -> tables.Layer | None:
+    """Return the layer of a model's receivers before any report; None without receivers."""
+    if not model.receivers:
+        return None
+    # This compiles its functions, which no other tracker needs.
+    from ..reports.beside import SelfReporting
+
+    look_s = slowest_s(model) if model.radars else 0.0
+    sizes = len(model.modes.classes), len(model.radars)
+    return SelfReporting.of(model.receivers, model.noise_density, look_s, *sizes)
+
+
+def after_look(
+    layer: tables.Layer, view: View, prior: PriorMixture, posterior: Posterior
+) -> tables.Layer:
+    """Return the layer after the update with one report of a radar."""
+    plots = view.sensor.in_plane(view.detections)
+    claims, size, count = posterior.claims, len(view.detections), len(prior.label)
+    target = prior.target.take(claims.row)
+    # Several hypotheses of a target have the same detection.
+    pair, index = np.unique(target * max(size, 1) + claims.column, return_inverse=True)
+    existence = np.maximum(posterior.existence, LEAST_EXISTENCE)
+    of_target = pair // max(size, 1)
+    claimed = sum_by(index.ravel(), posterior.pair_probability, len(pair)) / existence[of_target]
+    times = view.detections.time_s
+    look = frozen(
+        tables.Look(
+            view.stamp_ns,
+            [each.name for each in prior.steps.model.radars].index(view.sensor.name),
+            np.ascontiguousarray(plots.position[:, :2]),
+            np.ascontiguousarray(plots.covariance[:, :2, :2]),
+            # Of errors of each plot's own the axes are not those of the radar.
+            (view.detections.noise_std is None) * np.ascontiguousarray(plots.root[:, :2, :2]),
+            np.zeros(size) if times is None else times.copy(),
+            of_target,
+            pair % max(size, 1),
+            claimed,
+            np.maximum(1.0 - sum_by(of_target, claimed, count), 0.0),
+        )
+    )
+    place = layer.places(view.stamp_ns)
+    return layer.after(_rows(prior.mixture), look, _seen(view, place, prior.steps.model))
+
+
+def after_scan(
+    layer: tables.Layer, stored: Mixture, living: Iterable[IntArray], stamp_ns: int
+) -> tables.Layer:
+    """Return the layer after a scan, given its hypotheses and the labels of all targets."""
+    return layer.noted(_rows(stored), np.unique(np.concatenate([*living])), stamp_ns)
+
+
+def _rows(mixture: Mixture) -> tables.Rows:
+    known = mixture.hypotheses
+    return tables.Rows(known.label, known.target, known.weight, known.mean, known.covariance)
+
+
+def _seen(view: View, place: FloatArray, model: TrackerModel) -> BoolArray:
+    """Return whether a radar should have seen targets at places, (S,)."""
+    if not len(place):
+        return np.zeros(0, dtype=np.bool_)
+    sensor = view.sensor
+    heights = np.zeros((len(place), len(sensor.space.place) - 2))
+    measured = sensor.linearise(np.concatenate([place, heights], axis=1))[0]
+    usual = sensor.visibility.detection_probability(measured)
+    if usual is None:
+        usual = np.full(len(place), float(of_classes(sensor.threshold, model.modes.classes).max()))
+    detected = view.detection_probability_at(usual, measured)
+    sector = view.detections.coverage
+    inside = sensor.visibility.coverage_probability(measured, sector, sensor.noise_std)
+    # From this probability on a target should have been seen within some looks.
+    seen: BoolArray = detected * inside > 0.3
+    return seen

@@ -14,8 +14,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.tracks.confirmation import TrackStates
-from phd_jdtc_ros.core.tracks.coverage import missed_and_spread
+from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_and_spread
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
