@@ -24,7 +24,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple, Protocol
+from typing import IO, Any, Literal, NamedTuple, TypeAlias
 
 from .network import Datagram, Entry, Packet, Packets, RecordingError, follow
 
@@ -75,14 +75,8 @@ def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]
         counts["fragment"] += found_in.incomplete
 
 
-class _Section(Protocol):
-    """A part of a capture with one byte order."""
-
-    def read(self, at: int) -> Entry | None:
-        """See `follow`; the content is a packet, or None for a header."""
-
-    def resume(self, at: int, limit: int) -> int:
-        """Return the next plausible place from `at` on and below `limit`, which it is without."""
+# A part of a capture with one byte order.
+_Section: TypeAlias = "_Classic | _NextGeneration"
 
 
 class _Capture:
@@ -146,7 +140,7 @@ class _Classic:
         self._latest: deque[int] = deque(maxlen=3)
 
     def read(self, at: int) -> Entry | None:
-        """See `_Section.read`."""
+        """See `follow`; the content is a packet, or None for a header."""
         if at == self._begin:
             return Entry(at, at + _FILE_HEADER)
         end = self._end(at)
@@ -163,7 +157,10 @@ class _Classic:
         return Entry(at, end, Packet(self._data[at + 16 : end], time_ns or None, self._link))
 
     def resume(self, at: int, limit: int) -> int:
-        """See `_Section.resume`; the time must be within a day of the others, if they are known."""
+        """Return the next plausible place from `at` on and below `limit`, which it is without.
+
+        The time must be within a day of the others, if they are known.
+        """
         near = frozenset(time + more for time in self._times for more in (-1, 0, 1))
         header, shift = _packet_header(self._order, self._units_per_s, near)
         while found := header.search(self._data, at + shift, limit):
@@ -238,7 +235,7 @@ class _NextGeneration:
         self._block = _BLOCK[self._order]
 
     def read(self, at: int) -> Entry | None:
-        """See `_Section.read`."""
+        """See `_Classic.read`."""
         end = self._end(at)
         if not end:
             return None
@@ -246,7 +243,7 @@ class _NextGeneration:
         return Entry(at, end, self._packet(kind, self._data[at + 8 : end - 4]))
 
     def resume(self, at: int, limit: int) -> int:
-        """See `_Section.resume`."""
+        """See `_Classic.resume`."""
         while found := self._block.search(self._data, at, limit):
             at = found.start()
             if self._is_whole(at):

@@ -18,7 +18,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from io import FileIO
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from .network import Datagram
 
@@ -121,23 +121,6 @@ RETRY_S = 2.0
 _COUNT = struct.Struct("I")
 
 
-class Opened(Protocol):
-    """What can be waited for and closed: a socket or a serial line."""
-
-    def fileno(self) -> int:
-        """Return its descriptor."""
-
-    def close(self) -> None:
-        """Close it."""
-
-
-class Stream(Protocol):
-    """A place that bytes come from in order, and that may end."""
-
-    def open(self) -> Opened:
-        """Return it open, without waiting for the other side; raise `OSError`."""
-
-
 class Tcp(NamedTuple):
     """A server of TCP that sends to its clients."""
 
@@ -147,8 +130,11 @@ class Tcp(NamedTuple):
     def __str__(self) -> str:
         return f"tcp://{self.host}:{self.port}"
 
-    def open(self) -> Opened:
-        """See `Stream.open`; a server that does not answer shows when it is read."""
+    def open(self) -> socket.socket:
+        """Return it open, without waiting for the other side; raise `OSError`.
+
+        A server that does not answer shows when it is read.
+        """
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             sock.setblocking(False)
@@ -170,8 +156,8 @@ class Serial(NamedTuple):
     def __str__(self) -> str:
         return f"serial:{self.path}:{self.baud}"
 
-    def open(self) -> Opened:
-        """See `Stream.open`."""
+    def open(self) -> FileIO:
+        """Return it open; raise `OSError`."""
         line = FileIO(os.open(self.path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK))
         try:
             speed = getattr(termios, f"B{self.baud}")
@@ -220,7 +206,7 @@ class _Connection:
 
     def __init__(self, stream: Tcp | Serial) -> None:
         self.stream = stream
-        self.opened: Opened | None = None
+        self.opened: socket.socket | FileIO | None = None
         self.count = 0  # Connections so far
         self.again_s = 0.0  # When it may be opened next
         self.fault = ""  # Why there is no connection
