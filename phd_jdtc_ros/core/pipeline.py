@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.clocks import CLOCK, Clocks, SentReport
-from .intake.input_checks import REPEATED, TWINS, ReportCheck, ResultCheck, TwinCheck
+from .intake.input_checks import NO_SECTORS, REPEATED, TWINS, ReportCheck, ResultCheck, TwinCheck
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import Platform, PosedReports
 from .intake.poses import PoseFault
@@ -206,7 +206,7 @@ class Pipeline:
         noticed = sensor.check.add(detections)
         for finding in noticed:
             # Sectors need no configuration once the rotation period is known.
-            if finding != "sectors_not_configured" or not revolutions.period_s:
+            if finding != NO_SECTORS or not revolutions.period_s:
                 revolutions.anomalies[finding] += 1
         if REPEATED in noticed and not revolutions.is_behind(stamp_ns):
             self._grouper.note_live(radar)
@@ -246,7 +246,10 @@ class Pipeline:
         self._retune_to_rotation()
 
     def _retune_to_rotation(self) -> None:
-        """Adapt the engine's model and rule to the antennas' estimated rotation periods."""
+        """Adapt the engine's model and rule to the antennas' estimated rotation periods.
+
+        A target may be unseen for as many revolutions of the slowest antenna as configured.
+        """
         model, rule = self._configured
         radars = tuple(
             replace(radar, rotation_s=revolutions.nominal_period_s or radar.rotation_s)
@@ -268,7 +271,10 @@ class Pipeline:
     def _group(
         self, radar: int, stamp_ns: int, detections: Detections
     ) -> list[Scan | Reset] | Rejection:
-        """Add a report, or a slice of one, to its scan; return the scans that this closes."""
+        """Add a report, or a slice of one, to its scan; return the scans that this closes.
+
+        If its scan is closed already, that scan is reprocessed with it, where the engine can.
+        """
         detections = self._select_in_region(radar, detections)
         grouped = self._grouper.add(radar, stamp_ns, detections)
         if grouped is not Rejection.LATE:
@@ -435,23 +441,26 @@ class Pipeline:
                 self._begun = True
             reports = self._reports.take(event.stamp_ns)
             scan = event if reports is None else replace(event, self_reports=reports)
-            step = self._restrict_to_region(self._out_of_sequence.step(scan, self._pass_on))
+            step = self._as_reported(self._out_of_sequence.step(scan, self._pass_on))
             since_ns = self._out_of_sequence.since_ns()
             for sensor in self._sensors:
                 sensor.history.forget_before(event.stamp_ns if since_ns is None else since_ns)
-            due, self.stamp_ns = self._results.note_step(event, step), event.stamp_ns
-            yield Stepped(event, step, self._results.scans if due else 0)
+            self.stamp_ns = event.stamp_ns
+            targets_overdue = self._results.note_step(event, step)
+            yield Stepped(event, step, self._results.scans if targets_overdue else 0)
 
     def _pass_on(self, filtered: tuple[Estimates, ...]) -> None:
-        """Pass filtered estimates within the region to `on_filtered`."""
-        self._on_filtered(self._reported(filtered))
+        """Pass the filtered estimates that are reported to `on_filtered`."""
+        self._on_filtered(self._select_reported(filtered))
 
-    def _restrict_to_region(self, step: Step) -> Step:
-        """Return a step with only the estimates within the region."""
-        filtered, smoothed = self._reported(step.filtered), self._reported(step.smoothed)
+    def _as_reported(self, step: Step) -> Step:
+        """Return a step with only the estimates that are reported."""
+        filtered = self._select_reported(step.filtered)
+        smoothed = self._select_reported(step.smoothed)
         return Step(filtered, smoothed, step.class_mass, step.figures)
 
-    def _reported(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+    def _select_reported(self, estimates: tuple[Estimates, ...]) -> tuple[Estimates, ...]:
+        """Return estimates within the region, without tracks that an operator has dropped."""
         within = estimates if self._region is None else self._region.select_estimates(estimates)
         return self.manual.select(within) if self.manual.dropped else within
 
@@ -462,4 +471,4 @@ class Pipeline:
         estimates = self.engine.interrupt() if ahead else self.engine.flush()
         self._out_of_sequence.forget()
         self._begun = False
-        return RunEnded(reset, self._reported((*due, *estimates)))
+        return RunEnded(reset, self._select_reported((*due, *estimates)))

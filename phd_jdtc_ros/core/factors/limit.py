@@ -67,20 +67,23 @@ def limit_detections(report: View, predicted: FloatArray, mass: FloatArray) -> V
     if count >= size:
         return report
     count = max(count, 1)
+    # Even over the order of the report, and the same in every run.
     draw = np.arange(size) * GOLDEN_RATIO % 1.0
     if detections.amplitude is None:
         rows = np.sort(np.argsort(draw, kind="stable")[:count])
         selected = detections.take(rows)
-        share = fewer = count / size
+        share = clutter_share = count / size
         threshold = sensor.threshold
     else:
         rows = np.sort(np.lexsort((draw, -detections.amplitude))[:count])
         selected = detections.take(rows)
         # Unknown amplitudes are NaN, which neither function returns as the smallest.
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), sensor.threshold))
-        fewer = float(np.exp(report.clutter_amplitude.log_share(threshold, sensor.threshold)))
+        law = report.clutter_amplitude
+        clutter_share = float(np.exp(law.log_share(threshold, sensor.threshold)))
         share = 1.0
-    rate = max(report.clutter_rate * fewer, (count - targets) / revolution_share)
+    # What no target explains is clutter, however little of it is configured.
+    rate = max(report.clutter_rate * clutter_share, (count - targets) / revolution_share)
     return report.changed(
         sensor=sensor.changed(threshold=threshold),
         clutter_rate=rate,

@@ -121,7 +121,11 @@ class Factors(ReadOnly):
         receivers: tuple[Receiver, ...] = (),
         noise_density: float = 0.0,
     ) -> Factors:
-        """Return newly configured factors with what these have learned."""
+        """Return newly configured factors with what these have learned.
+
+        A factor that was not configured before begins as it is. `model` is that of identities and
+        heights; `receivers` and `noise_density` are those of the layer of self-reports.
+        """
         by_sensor = {}
         for name, factors in self.by_sensor.items():
             learned = {type(factor): factor for factor in factors}

@@ -32,6 +32,8 @@ FIELD_DETECTIONS = 200
 COPIED_DETECTIONS = 5
 # Finding: a report is a copy of the one before, and no new look.
 REPEATED = "reports_repeated"
+# Finding: reports cover a part of the revolution each, and no sectors are configured.
+NO_SECTORS = "sectors_not_configured"
 # Finding: a report is nearly a copy of the one before, with other rounding or a little noise.
 NEARLY_REPEATED = "reports_nearly_repeated"
 # No detection of a near copy is farther from those of the report before than this share of what it
@@ -246,7 +248,7 @@ class RadarReportCheck(ReportCheck):
             and azimuth.size >= 4
             and self._is_sector(azimuth)
         ):
-            noticed.append("sectors_not_configured")
+            noticed.append(NO_SECTORS)
         if self.sees_whole_turn and self._is_field(azimuth):
             noticed.append("fov_not_configured")
         if self.near and self._first is not None:
