@@ -1,7 +1,6 @@
 """A live tracker and a radar on a ship that turns, over DDS; and its recording, played again."""
 
 import moving
-import numpy as np
 import pytest
 from bag_content import recorded, write
 from geometry_msgs.msg import PoseStamped
@@ -10,7 +9,6 @@ from live_radars import options
 from moving_messages import CLOUDS, sent
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
-from unfolded import rows_of
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming import moving_radars
@@ -19,8 +17,6 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Pose
-from phd_jdtc_ros.report import load
-from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.tools import track_bag
 
 KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
@@ -81,23 +77,6 @@ def test_offline_faults_of_poses_are_counted_and_reported(tmp_path):
         f"{CLOUDS}: 2 clouds, or parts of revolutions, are later than the poses on "
         f"{moving.ODOMETRY}; the platform's pose is extrapolated with its last velocity"
     ]
-
-
-def test_the_report_shows_detections_and_the_radar_where_they_were(tmp_path):
-    bag = write_bag(tmp_path / "bag", sent())
-    config = moving.config()
-    track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
-    record = load.record(tmp_path / "out", config)
-    assert not record.radars
-    assert len(record.plots) == moving.SCANS
-    for index, plot in enumerate(record.plots):
-        place, _ = moving.antenna(index * moving.INTERVAL_S)
-        assert plot.sensor == pytest.approx(tuple(place), abs=1.0)
-        away = moving.boats(index * moving.INTERVAL_S) - plot.position[: len(moving.BOATS)]
-        assert np.hypot(*away.T).max() < 40.0
-    picture = picture_of(record)
-    assert picture.header["radars"] == ["mast"]
-    assert len(rows_of(picture, "carriers")["place"]) == moving.SCANS
 
 
 def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp_path):
