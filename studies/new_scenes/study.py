@@ -30,7 +30,7 @@ from .traffic import SCENES, Scene
 
 TOLD, LEARNS, PEER = "told", "learns", "JIPDA, told"
 COLUMNS = {
-    "ospa": ("OSPA, m", ".4g"),
+    "ospa": ("OSPA, m", ".3g"),
     "missed": ("missed, %", ".1f"),
     "false": ("false", ".2f"),
     "rms": ("RMS, m", ".3g"),
