@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
+from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.configuration.parameters.sensor import TIME_UNITS
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
@@ -159,11 +160,7 @@ def _elevations(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
     elevation, up = _column(clouds, "fields.elevation", name), _column(clouds, "", "z")
     if elevation is None:
         return {}
-    known = np.isfinite(elevation)
-    size = np.append(np.abs(elevation[known]), 0.0)
-    unit = "deg" if size.max() > 0.5 * np.pi else "rad"
-    if np.quantile(size, 0.99) > 90.0:
-        unit = "mrad"
+    unit = ground_ranges.unit_of(elevation)
     down = up is not None and bool(np.nansum(elevation * up) < 0.0)
     words = f"down_{unit}" if down and unit != "mrad" else unit
     return {} if words == "rad" else {"units.elevation": words}

@@ -9,8 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
+from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.configuration.tables import GROUPS, parameters_of, schema
@@ -173,6 +176,17 @@ class Parameters:
         origin = reports.middle(columns)
         return self if origin is None else replace(self, found={"world_origin": origin})
 
+    def with_units(self, columns: Columns) -> Parameters:
+        """Return a copy for a recording, with the units of elevations as their values show them."""
+        found: dict[str, Any] = {}
+        for name in self.radars:
+            own = columns.get(self.given.get(f"{name}.fields.elevation", "elevation"))
+            if own is not None:
+                of_radar = columns["radar"] == name if "radar" in columns else slice(None)
+                values = np.asarray(own[of_radar], dtype=np.float64)
+                found[f"{name}.units.elevation"] = ground_ranges.unit_of(values)
+        return replace(self, found={**self.found, **found})
+
     def in_plane(self, columns: Columns) -> Columns:
         """Return columns with positions in the place of latitudes and longitudes."""
         return reports.in_plane(columns, self._origin)
@@ -221,7 +235,9 @@ class Parameters:
         Detections of `timed` radars have individual times.
         """
         found = {} if self.for_node else proposal.unspecified(findings, timed)
-        found |= {k: v for k, v in self.found.items() if k == "world_origin"}
+        found |= {
+            k: v for k, v in self.found.items() if k.endswith(("world_origin", ".units.elevation"))
+        }
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():
             if not self.for_node:

@@ -156,6 +156,7 @@ class Tracker:
         text = self._parameters.seem_wrong(columns)
         parameters = self._parameters.with_origin(columns)
         columns = parameters.in_plane(columns)
+        parameters = parameters.with_units(columns)
         config = parameters.config(columns, incomplete=True)
         fields, config = config.model.radars, everywhere(config)
         tally = Tally(config)

@@ -18,6 +18,13 @@ from phd_jdtc_ros.core.sensors.spatial_radar import linearise
 from phd_jdtc_ros.core.types import Detections
 
 
+def unit_of(elevation: FloatArray) -> str:
+    """Return the unit of elevations, as their values, (M,), show it: rad, deg or mrad."""
+    size = np.abs(elevation[np.isfinite(elevation)])
+    largest = float(np.quantile(size, 0.99)) if len(size) else 0.0
+    return "mrad" if largest > 90.0 else "deg" if largest > 0.5 * np.pi else "rad"
+
+
 def read(
     distance: FloatArray,
     azimuth: FloatArray,

@@ -72,8 +72,9 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
     elevation, unknown, sine = columns.get("elevation"), 0, None
-    if elevation is not None and radar.units.elevation_rad != 1.0:
-        elevation = radar.units.elevation_rad * elevation
+    zero, unit = radar.units.elevation_scale
+    if elevation is not None and unit != 1.0:
+        elevation = zero + unit * elevation
     counts = {} if elevation is None else _strange_elevations(distance, elevation, radar)
     if radar.height_prior is None:
         ground = ground_ranges.read(distance, azimuth, elevation, height, radar)
@@ -105,9 +106,8 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     measurement = measurement[kept]
     measurement[:, 1] = wrap_angle(measurement[:, 1])
     if radar.height_prior is not None:
-        scale = abs(radar.units.elevation_rad)
         # Plausible standard deviations of elevations, rad.
-        own_std, bad = kept_values(columns, "elevation_std", kept, (1e-6, 0.5 * np.pi), scale)
+        own_std, bad = kept_values(columns, "elevation_std", kept, (1e-6, 0.5 * np.pi), abs(unit))
         noise_std = _spatial_noise(measurement, range_std, azimuth_std, own_std)
         bad_azimuths += bad
     rise = None if rate is None or sine is None else np.clip(sine[kept], -1.0, 1.0)

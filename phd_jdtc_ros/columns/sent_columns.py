@@ -43,7 +43,8 @@ def of(
         slant, measured, elevation = detections.measurement.T
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
-    columns.setdefault(radar.fields.elevation or "elevation", elevation / radar.units.elevation_rad)
+    zero, unit = radar.units.elevation_scale
+    columns.setdefault(radar.fields.elevation or "elevation", (elevation - zero) / unit)
     for quantity, name in names_of(radar.fields).items():
         if quantity in _COLUMNS:
             columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
@@ -91,7 +92,9 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
     "range_std": lambda own, _, __: _noise_std(own)[:, 0],
     "azimuth_std": _azimuth_std,
-    "elevation_std": lambda own, _, radar: _noise_std(own)[:, 2] / abs(radar.units.elevation_rad),
+    "elevation_std": lambda own, _, radar: (
+        _noise_std(own)[:, 2] / abs(radar.units.elevation_scale[1])
+    ),
     "range_rate": lambda own, _, __: fill(own.range_rate, len(own), np.nan),
     "range_rate_std": lambda own, _, __: fill(own.range_rate_std, len(own), np.nan),
 }

@@ -4,6 +4,7 @@ import re
 import shutil
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from msg_adapters.encoding import interfaces, names, point_cloud, stamps
 from msg_adapters.incoming import recognised
 from phd_jdtc_ros import Tracker
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.reader import BagError, BagReader
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.tools import recorded_plots
 
@@ -262,15 +263,8 @@ def test_times_and_elevations_are_recognised_by_their_values():
     assert small["units.elevation"] == "mrad"
 
 
-@pytest.mark.parametrize(
-    ("seen", "said"),
-    [
-        (lambda elevation: 0.5 * np.pi - elevation, "angles from the zenith"),
-        (lambda elevation: -elevation, "set radar.units.elevation to down_rad or down_deg"),
-        (lambda elevation: elevation, ""),
-    ],
-)
-def test_elevations_in_another_sense_are_named(seen, said):
+def flights_with_elevations(seen):
+    """Return a table of eight flights; `seen` returns the sent values of elevations."""
     rng, rows = np.random.default_rng(9), []
     place, speed = rng.uniform(-1500.0, 1500.0, (8, 2)), rng.uniform(-15.0, 15.0, (8, 2))
     above = rng.uniform(150.0, 400.0, 8)
@@ -281,12 +275,46 @@ def test_elevations_in_another_sense_are_named(seen, said):
         elevation = seen(np.arctan2(above, level) + noise[2])
         slant = np.hypot(level, above) + noise[0]
         rows += zip(np.full(8, time), slant, azimuth + noise[1], elevation, strict=True)
-    columns = dict(zip(("time", "range", "azimuth", "elevation"), np.transpose(rows), strict=True))
+    return dict(zip(("time", "range", "azimuth", "elevation"), np.transpose(rows), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (lambda elevation: 0.5 * np.pi - elevation, "to zenith_rad or zenith_deg"),
+        (lambda elevation: -elevation, "set radar.units.elevation to down_rad or down_deg"),
+        (lambda elevation: elevation, ""),
+    ],
+)
+def test_elevations_in_another_sense_are_named(seen, said):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        Tracker({"state": "space"}).fit(columns)
+        Tracker({"state": "space"}).fit(flights_with_elevations(seen))
     texts = [str(each.message) for each in caught]
     assert any("elevations are from" in text and said in text for text in texts) == bool(said)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("deg", np.pi / 180.0), ("mrad", 1e-3)])
+def test_elevations_of_a_table_have_the_unit_of_their_values(unit, size):
+    usual = Tracker({"state": "space"}).fit(flights_with_elevations(lambda elevation: elevation))
+    columns = flights_with_elevations(lambda elevation: elevation / size)
+    found = Tracker({"state": "space"}).fit(columns)
+    assert found.parameters["radar.units.elevation"] == unit
+    for name in ("radar.elevation_std_deg", "radar.fov_elevation_deg"):
+        assert found.parameters[name] == usual.parameters[name]
+    assert found.parameters["radar.elevation_std_deg"] == pytest.approx(0.97, abs=0.1)
+    # One that is given stays.
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Tracker({"state": "space", "radar.units.elevation": "rad"}).fit(columns)
+    assert any("elevations beyond the zenith" in str(each.message) for each in caught)
+
+
+def test_detections_whose_package_is_not_installed_are_named(monkeypatch):
+    monkeypatch.setattr(recorded_plots.interfaces, "installed_class", lambda _: None)
+    bag = SimpleNamespace(path="bag", types={"/objects": "vision_msgs/msg/Detection3DArray"})
+    with pytest.raises(BagError, match="bag: /objects needs vision_msgs, which is not installed"):
+        recorded_plots.recognised_radars(bag)
 
 
 def test_nothing_set_finds_drones_and_their_heights(tmp_path, capsys):

@@ -297,12 +297,13 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
         return values.get(f"{radar}.{name}")
 
     yield from _units(found)
-    if found.elevations is not None and not str(now("units.elevation")).startswith("down"):
+    if found.elevations is not None and now("units.elevation") in (None, "rad", "deg", "mrad"):
         low, high = (math.degrees(edge) for edge in found.elevations.limits)
         if low > 30.0 and high > 80.0:
             yield (
                 f"elevations are from {low:.0f} to {high:.0f} degrees above the horizon; if they "
-                "are angles from the zenith, let the driver send 90 degrees minus each"
+                f"are angles from the zenith, set {radar}.units.elevation to zenith_rad or "
+                "zenith_deg"
             )
         elif low < -10.0 and high < 1.0:
             yield (

@@ -312,7 +312,8 @@ class RadarParameters(SensorParameters):
         "is an envelope in standard deviations of the noise per quadrature (linear) or an SNR "
         "(db). Azimuths count counter-clockwise from the sensor's x axis (enu_ccw) or clockwise "
         "from north (compass_cw), and elevations from the horizon, with down_rad and down_deg for "
-        "depression angles, as of a sonar.",
+        "depression angles, as of a sonar, and zenith_rad and zenith_deg for angles from the "
+        "zenith.",
         keys=UNITS,
     )
     assumed_height: float | None = parameter(

@@ -70,12 +70,15 @@ class Units:
         return self.azimuth_convention == "compass_cw"
 
     @cached_property
-    def elevation_rad(self) -> float:
-        """The unit of elevations, radians; negative for depression angles."""
-        sign = -1.0 if self.elevation.startswith("down") else 1.0
-        return sign * _RADIANS[self.elevation.removeprefix("down_")]
+    def elevation_scale(self) -> tuple[float, float]:
+        """Elevation at the value 0, and of one unit beyond it, radians."""
+        sense, _, unit = self.elevation.rpartition("_")
+        zero, sign = _SENSES[sense]
+        return zero, sign * _RADIANS[unit]
 
 
+# Angle that the values count from, radians above the horizon, and whether they count upwards.
+_SENSES = {"": (0.0, 1.0), "down": (0.0, -1.0), "zenith": (0.5 * math.pi, -1.0)}
 _RADIANS = {"rad": 1.0, "deg": math.pi / 180.0, "mrad": 1e-3}
 UNITS: Mapping[str, tuple[str, ...]] = {
     "time": tuple(TIME_UNITS),
@@ -83,7 +86,7 @@ UNITS: Mapping[str, tuple[str, ...]] = {
     "amplitude": ("linear", "db"),
     "azimuth": ("rad", "deg"),
     "azimuth_convention": ("enu_ccw", "compass_cw"),
-    "elevation": (*_RADIANS, "down_rad", "down_deg"),
+    "elevation": (*_RADIANS, "down_rad", "down_deg", "zenith_rad", "zenith_deg"),
 }
 
 

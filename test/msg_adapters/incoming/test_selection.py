@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,6 @@ from sensor_msgs.msg import PointField
 from msg_adapters.encoding import RejectedMessageError
 from msg_adapters.incoming import detections as adapter
 from phd_jdtc_ros.columns import anomalies
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD, Air, HeightPrior
 from phd_jdtc_ros.core.types import Detections
@@ -358,12 +358,20 @@ def test_detection_with_an_impossible_elevation_is_kept_without_it(bad, unusable
         assert "radar_1.units.elevation to deg or mrad" in said
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg", "mrad", "down_rad", "down_deg"])
-def test_elevations_are_in_their_unit_and_sense(unit):
-    scale = resolve({"radar_1.units.elevation": unit}).inputs[0].units.elevation_rad
-    size = {"rad": 1.0, "deg": np.pi / 180.0, "mrad": 1e-3}[unit.removeprefix("down_")]
-    assert scale == pytest.approx(-size if "down" in unit else size)
-    points = [(1000.0, 0.1, 0.5 / scale, 0.01 / abs(scale))]
+@pytest.mark.parametrize(
+    ("unit", "sent", "std"),
+    [
+        ("rad", 0.5, 0.01),
+        ("deg", math.degrees(0.5), math.degrees(0.01)),
+        ("mrad", 500.0, 10.0),
+        ("down_rad", -0.5, 0.01),
+        ("down_deg", -math.degrees(0.5), math.degrees(0.01)),
+        ("zenith_rad", 0.5 * math.pi - 0.5, 0.01),
+        ("zenith_deg", 90.0 - math.degrees(0.5), math.degrees(0.01)),
+    ],
+)
+def test_elevations_are_in_their_unit_and_sense(unit, sent, std):
+    points = [(1000.0, 0.1, sent, std)]
     found = in_space(points, ["de"], elevation_unit=unit, elevation_std_field="de").detections
     assert_allclose(found.measurement, [[1000.0, 0.1, 0.5]], rtol=1e-7)
     assert_allclose(found.noise_std, [[NAN, NAN, 0.01]], rtol=1e-6)
