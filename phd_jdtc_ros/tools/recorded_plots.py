@@ -220,6 +220,8 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
         if kind in _DEFINED:
             given: dict[str, Any] | None = {"message": _DEFINED[kind], **_frame_of(bag, topic)}
         elif kind == names.DETECTIONS_3D:
+            if interfaces.installed_class(kind) is None:
+                raise BagError(f"{bag.path}: {topic} needs vision_msgs, which is not installed")
             given = {"kind": "position", "message": "detections_3d", **_frame_of(bag, topic)}
         elif kind == names.CLOUD:
             clouds = _clouds(bag, topic)
