@@ -9,7 +9,7 @@ import pytest
 from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import DAY, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix_bridge.conversion import UNKNOWN, columns
+from phd_jdtc_ros.asterix_bridge import UNKNOWN, columns
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 
 NS = 10**9

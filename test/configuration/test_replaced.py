@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from phd_jdtc_ros.asterix_bridge import settings as bridge
+from phd_jdtc_ros import asterix_bridge as bridge
 from phd_jdtc_ros.configuration import build, models, sensor_models
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.parameters import replaced
