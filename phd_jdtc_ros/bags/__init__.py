@@ -3,11 +3,9 @@
 ::
 
     writer                 writes a bag as rosbag2 does, the same bytes for the same content
-    reader                 messages in order of log time, every intact chunk of a damaged file
-    parts                  the files of a bag, of which a recorder may make several; recordings of
-                           other kinds are recognised, with a converter
-    mcap_index, salvage    the content of a file, from its summary or record by record
-    chunks                 unpacks one chunk within bounds
+    reader                 the files of a bag, and their messages in order of log time
+    salvage                the content of a file, from its summary or record by record; unpacks
+                           one piece within bounds
 """
 
 from __future__ import annotations

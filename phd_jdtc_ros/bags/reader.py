@@ -1,15 +1,22 @@
-"""Reads rosbag2 bags in MCAP in order of log time, and salvages damaged ones."""
+"""Finds the files of rosbag2 bags in MCAP, and reads their messages in order of log time.
+
+Supported are messages in CDR, as ROS 2 records them. Recordings of other kinds are recognised, and
+the command that converts them is named: a specific fault helps more than "no such topic".
+"""
 
 from __future__ import annotations
 
 import heapq
+import shlex
 import struct
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mcap.records import Channel, Message, Schema
 
 from msg_adapters.encoding import stamps
@@ -17,10 +24,151 @@ from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.configuration.parameters.place_forms import TRANSFORM_TOPICS
 from phd_jdtc_ros.quoting import printable
 
-from . import chunks, parts, salvage
-from .chunks import DamageError
-from .salvage import Index
-from .writer import Topic
+from . import salvage
+from .salvage import MAGIC, DamageError, Index
+from .writer import METADATA, Topic
+
+# What unpacks a file, by its beginning.
+_UNPACKED_BY = {
+    b"\x28\xb5\x2f\xfd": "zstd -dc",
+    b"\x1f\x8b": "gzip -dc",
+    b"BZh": "bzip2 -dc",
+    b"\xfd7zXZ\0": "xz -dc",
+    b"PK\x03\x04": "unzip -p",
+}
+
+
+def file_fault(path: Path) -> str:
+    """Return the actual kind of a file with its converter; empty if the kind is unknown."""
+    sqlite = b"SQLite format 3\0"
+    with path.open("rb") as stream:
+        begin = stream.read(len(sqlite))
+    name = shlex.quote(str(path))
+    for magic, unpack in _UNPACKED_BY.items():
+        if begin.startswith(magic):
+            unpacked = shlex.quote(str(path.with_suffix("")))
+            others = len(list(path.parent.glob(f"*{path.suffix}"))) > 1
+            return (
+                f"is compressed as a file; unpack it{', and all others like it' * others}: "
+                f"{unpack} {name} > {unpacked}"
+            )
+    if begin.startswith(b"#ROSBAG V"):
+        out = shlex.quote(str(path.with_suffix("")))
+        return (
+            f"is a ROS 1 bag; convert it: rosbags-convert --src {name} --dst {out} "
+            "--dst-typestore ros2_jazzy --dst-storage mcap"
+        )
+    if begin == sqlite:
+        bag, out = path.parent, f"{path.parent.resolve().name}_mcap"
+        return (
+            f"is a bag in SQLite; convert it: echo 'output_bags: [{{uri: {out}, storage_id: mcap, "
+            f"all: true}}]' > convert.yaml && ros2 bag convert -i {shlex.quote(str(bag))} -o "
+            f"convert.yaml, or without ROS: rosbags-convert --src {shlex.quote(str(bag))} --dst "
+            f"{shlex.quote(out)} --dst-storage mcap"
+        )
+    return ""
+
+
+def topic_fault(channel: Channel, schema: Schema | None) -> str:
+    """Return the kind of a channel's messages with their converter; empty if they are supported."""
+    encoding = channel.message_encoding
+    if encoding == "cdr" and schema is not None:
+        return ""
+    known = {"ros1": "a ROS 1 message", "protobuf": "a protobuf message", "json": "a JSON message"}
+    what = known.get(encoding, f"of {encoding or 'no'} encoding")
+    way = "no command converts it; docs/offline_tools.md shows how a script does"
+    if encoding == "ros1":
+        way = (
+            "convert the .bag that it comes from: rosbags-convert --src FILE.bag --dst DIR "
+            "--dst-typestore ros2_jazzy --dst-storage mcap"
+        )
+    if schema is None:
+        return f"{what} without a type; {way}"
+    return f"{what} ({schema.name}); {way}"
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file has the name of an MCAP file, or begins as one."""
+    if path.suffix.lower() == ".mcap":
+        return True
+    with path.open("rb") as stream:
+        return stream.read(len(MAGIC)) == MAGIC
+
+
+def find(path: Path) -> tuple[list[Path], list[str]]:
+    """Return a bag's parts, of which there is at least one, and the names of missing ones.
+
+    The parts are those that the metadata lists. If none of these is there, or without metadata,
+    they are all MCAP files of the directory. One that was compressed may have been unpacked.
+
+    Raise `BagError` if there is no such bag, or if it is of another kind.
+    """
+    missing: list[str] = []
+    with guard(path):
+        if path.is_file():
+            files = [path]
+        elif path.is_dir():
+            listed = [_unpacked(path / name) for name in _listed(path)]
+            files = [part for part in listed if part.is_file()]
+            if files:
+                missing = [part.name for part in listed if part not in files]
+            else:
+                files = _by_name(path)
+        else:
+            raise BagError(f"{path}: no such bag")
+        for file in files:
+            if not is_mcap(file):
+                no_bag = (
+                    "is not an MCAP file; asterix_bridge converts recordings of ASTERIX, and "
+                    "report_bridge those of AIS and ADS-B; tables are for Python, see docs/csv.md"
+                )
+                raise BagError(f"{file}: {file_fault(file) or no_bag}")
+    return files, missing
+
+
+def _listed(directory: Path) -> list[str]:
+    """Return the names of a bag's parts in its metadata, none if these cannot be used."""
+    try:
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        document = yaml.load((directory / METADATA).read_bytes(), loader)
+        paths = document["rosbag2_bagfile_information"]["relative_file_paths"]
+        return list(dict.fromkeys(Path(part).name for part in paths))
+    except (OSError, yaml.YAMLError, ValueError, TypeError, LookupError, RecursionError):
+        return []
+
+
+def _unpacked(part: Path) -> Path:
+    plain = part.with_suffix("")
+    # Extension of files that are compressed as a whole.
+    return plain if part.suffix == ".zstd" and plain.is_file() else part
+
+
+def _by_name(directory: Path) -> list[Path]:
+    """Return the MCAP files of a directory; raise `BagError` with what it has instead."""
+    # Other systems leave a hidden companion of each file, such as ``._bag_0.mcap``.
+    named = (file for file in directory.iterdir() if not file.name.startswith("."))
+    files = sorted(filter(Path.is_file, named))
+    found = [file for file in files if file.suffix.lower() == ".mcap"]
+    for file in () if found else files:
+        if fault := file_fault(file):
+            raise BagError(f"{file}: {fault}")
+    if not found:
+        raise BagError(f"{directory}: contains no MCAP file")
+    return found
+
+
+@contextmanager
+def guard(path: Path) -> Iterator[None]:
+    """Convert every exception on damaged bytes, of which there are many types, to a `BagError`."""
+    try:
+        yield
+    except (BagError, DamageError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise BagError(f"{path}: cannot be read: {error.strerror}") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(f"{path}: is damaged: {reason}", corrupt=True) from error
 
 
 @dataclass(frozen=True)
@@ -33,7 +181,7 @@ class Part:
     @staticmethod
     def of(file: Path) -> list[Part]:
         """Return the parts in a file, mostly one; raise `BagError` if it cannot be read."""
-        with parts.guard(file), file.open("rb") as stream:
+        with guard(file), file.open("rb") as stream:
             return [Part(file, index) for index in salvage.indexes(stream)]
 
 
@@ -56,8 +204,8 @@ class PartReading:
         """Yield the messages of topics in a chunk or a run, each with its place there."""
         try:
             # A bag may have thousands of parts, which are not open at once.
-            with parts.guard(self.part.file), self.part.file.open("rb") as stream:
-                records = chunks.unpack(stream, offset, length)
+            with guard(self.part.file), self.part.file.open("rb") as stream:
+                records = salvage.unpack(stream, offset, length)
         except DamageError as error:
             self.reason = str(error)
             self.lost_chunks += 1
@@ -71,7 +219,7 @@ class PartReading:
     def data(self, message: Message) -> bytes | None:
         """Return a message's CDR bytes; None if these are lost."""
         try:
-            return chunks.message_data(message.data)
+            return salvage.message_data(message.data)
         except DamageError as error:
             self.reason = str(error)
             self.read[message.channel_id] -= 1
@@ -149,7 +297,7 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.restamped: frozenset[str] = frozenset()
-        files, self._missing = parts.find(path)
+        files, self._missing = find(path)
         self._parts = [part for file in files for part in Part.of(file)]
         filled = [part.index for part in self._parts if part.index.counts.total()]
         self.start_ns = min((index.start_ns for index in filled), default=0)
@@ -160,7 +308,7 @@ class BagReader:
         for channel, schema, count in self._channels():
             # Names are printed in many places, and a hostile one could command a terminal.
             channel.topic = printable(channel.topic)
-            if fault := parts.topic_fault(channel, schema):
+            if fault := topic_fault(channel, schema):
                 self.foreign[channel.topic] = fault
             elif schema is not None:
                 self.types[channel.topic] = printable(schema.name)

@@ -16,8 +16,7 @@ from msg_adapters.encoding import interfaces
 from phd_jdtc_ros import interruption
 from phd_jdtc_ros.bags import BagError
 
-from .parts import METADATA
-
+METADATA = "metadata.yaml"
 # rosbag2's infinite duration.
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 

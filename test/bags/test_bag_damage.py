@@ -5,7 +5,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from small_bags import TOPICS, chunked, made, write
 
-from phd_jdtc_ros.bags import chunks, salvage
+from phd_jdtc_ros.bags import salvage
 from phd_jdtc_ros.bags.reader import BagReader
 from robustness.hostile_input.bags import outcome
 
@@ -180,8 +180,8 @@ def test_reader_counts_what_is_lost_against_the_statistics(whole, tmp_path):
 
 @pytest.mark.parametrize(("offset", "length"), [(0, 0), (0, 50), (10**9, 50), (8, 20)])
 def test_unpack_refuses_what_is_no_chunk(whole, offset, length):
-    with whole[0].open("rb") as stream, pytest.raises(chunks.DamageError, match="should be"):
-        chunks.unpack(stream, offset, length)
+    with whole[0].open("rb") as stream, pytest.raises(salvage.DamageError, match="should be"):
+        salvage.unpack(stream, offset, length)
 
 
 def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkeypatch):
@@ -196,8 +196,8 @@ def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkey
     file = tmp_path / "endless.mcap"
     file.write_bytes(b"\x89MCAP0\r\n" + b"".join(heads) + b"\xff" * 9)
     tried = []
-    unpack = chunks.unpack
-    monkeypatch.setattr(chunks, "unpack", lambda *given: (tried.append(given), unpack(*given))[1])
+    unpack = salvage.unpack
+    monkeypatch.setattr(salvage, "unpack", lambda *given: (tried.append(given), unpack(*given))[1])
     found, error = outcome(file)
     assert found == []
     assert error.corrupt

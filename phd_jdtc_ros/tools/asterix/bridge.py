@@ -20,8 +20,7 @@ from phd_jdtc_ros.asterix.messages import NONE, TRACKS, Plot
 from phd_jdtc_ros.asterix.plot_stream import Cloud, PlotStream, RadarState
 from phd_jdtc_ros.asterix_bridge import Bridge
 from phd_jdtc_ros.bags import BagError
-from phd_jdtc_ros.bags.parts import is_mcap
-from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.reader import BagReader, is_mcap
 from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.schema import ConfigError
