@@ -41,7 +41,7 @@ from .inputs import Recognition
 from .live import LiveTracker
 from .peers import ManagerBond, NameClaim
 
-TEXT = "the tracker is compiling, once for each installation"
+COMPILING = "the tracker is compiling, once for each installation"
 
 
 @contextmanager
@@ -51,7 +51,7 @@ def report_compilation(argv: Sequence[str]) -> Iterator[None]:
     `argv` includes the ROS arguments, which give the tracker its name.
     """
     ended = threading.Event()
-    thread = threading.Thread(target=_report, args=(list(argv), ended), daemon=True)
+    thread = threading.Thread(target=_publish_compiling, args=(list(argv), ended), daemon=True)
     compilation.ON_COMPILATION.append(thread.start)
     try:
         yield
@@ -63,14 +63,14 @@ def report_compilation(argv: Sequence[str]) -> Iterator[None]:
             thread.join(5.0)
 
 
-def _report(argv: list[str], ended: threading.Event) -> None:
+def _publish_compiling(argv: list[str], ended: threading.Event) -> None:
     """Publish the status until the event; the tracker itself reports faults of its arguments."""
     context = Context()
     rclpy.init(args=argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node("tracker", context=context, enable_rosout=False, start_parameter_services=False)
         name = node.get_fully_qualified_name()
-        line = status_of(name, "step time", Condition(DiagnosticStatus.STALE, TEXT))
+        line = status_of(name, "step time", Condition(DiagnosticStatus.STALE, COMPILING))
         lines = [summary(name, [line]), line]
         output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
         is_ended = False
@@ -100,7 +100,7 @@ class Tracker(ManagedNode):
         self._settings, self._given = settings.resolve(given), given
         self._recognition = Recognition(self._settings.config, given)
         # Interval between looks at clouds that wait for the kind of their sensor, seconds.
-        self._look = steady_timer(self, 0.1, self._recognise, autostart=False)
+        self._recognition_timer = steady_timer(self, 0.1, self._recognise, autostart=False)
         # While the tracker is not configured, these may differ from the settings and be invalid.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
@@ -120,6 +120,7 @@ class Tracker(ManagedNode):
         self.start(self._settings.node["autostart"])
 
     def _give_way(self) -> None:
+        """End, because another tracker of this name was there first."""
         if self.exit_status is None:
             self.exit_status = USAGE
             self.get_logger().error(
@@ -166,20 +167,20 @@ class Tracker(ManagedNode):
     def _holds(self, sensor: int, message: Any, info: Mapping[str, int]) -> bool:
         """Return whether a message waits because its sensor is none of the configured kind."""
         holds = self._recognition.holds(sensor, message, info)
-        if holds and self._look.is_canceled():
-            self._look.reset()
+        if holds and self._recognition_timer.is_canceled():
+            self._recognition_timer.reset()
         return holds
 
     def _recognise(self) -> None:
         """Track a sensor of positions as such, once its clouds have shown its parameters."""
         recognition = self._recognition
         if not (self.is_active and recognition.held):
-            self._look.cancel()
+            self._recognition_timer.cancel()
             return
         changes = recognition.found()
         if changes is None:
             return
-        self._look.cancel()
+        self._recognition_timer.cancel()
         name, held = recognition.sensor.name, recognition.held
         try:
             table, values = settings.edit(self._values, changes)
@@ -204,6 +205,7 @@ class Tracker(ManagedNode):
             self._configured.take(sensor, cloud, info)
 
     def _description(self) -> str:
+        """Return what is tracked, with which radars, and where the parameters are from."""
         config = self._settings.config
         classes = [kind.name for kind in config.model.modes.classes]
         radars = [

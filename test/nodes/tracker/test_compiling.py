@@ -27,8 +27,8 @@ def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
         assert peer.spin_until(lambda: found)
     summary, line = found[0].status
     assert [summary.name, line.name] == ["/coast/tracker: summary", "/coast/tracker: step time"]
-    assert (line.level, line.message) == (DiagnosticStatus.STALE, node.TEXT)
-    assert (summary.level, summary.message) == (line.level, f"step time: {node.TEXT}")
+    assert (line.level, line.message) == (DiagnosticStatus.STALE, node.COMPILING)
+    assert (summary.level, summary.message) == (line.level, f"step time: {node.COMPILING}")
     assert peer.spin_until(lambda: not peer.node.count_publishers("/diagnostics"))
 
 
