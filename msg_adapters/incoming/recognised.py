@@ -25,13 +25,12 @@ NAMES: Mapping[str, Sequence[str]] = {
     "fields.amplitude": ("amplitude", *SYNONYMS["amplitude"], "power", "intensity", "rcs"),
     "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
     "fields.height": ("height", "altitude"),
-    "fields.sector": ("sector", "sector_number"),
     "fields.range_std": ("range_std", "sigma_range"),
     "fields.azimuth_std": ("azimuth_std", "sigma_azimuth"),
 }
 IN_DB = ("snr", "snr_db", "power", "rcs")
 # Allowed types of a field, where they differ from floats.
-TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
+TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS}
 # A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
 # or than FARTHEST_INTERVALS times the interval between clouds.
 FARTHEST_S, FARTHEST_INTERVALS = 60.0, 20.0

@@ -211,7 +211,7 @@ def _work(arguments: argparse.Namespace) -> int:
             "radars: give a parameter file as --params"
         )
     given, where = recorded
-    found, parameters, damage = _estimate(source, given, arguments.reference, arguments.seconds)
+    found, parameters, damage = estimate(source, given, arguments.reference, arguments.seconds)
     now = from_arguments.config_of(given)
     console = Console()
     # Smallest width of the tables, characters, at which each error fits a line.
@@ -230,10 +230,13 @@ def _work(arguments: argparse.Namespace) -> int:
     return status
 
 
-def _estimate(
+def estimate(
     source: Path, given: Mapping[str, Any], reference: str | None, seconds: float
 ) -> tuple[Registration, dict[str, list[float]], BagError | None]:
-    """Return the errors found, the corrections for the tracker, and the damage of a recording."""
+    """Return the errors found, the corrections for the tracker, and the damage of a recording.
+
+    Raise `BagError` if the recording does not show them.
+    """
     config = from_arguments.config_of(given)
     config.require_plane("register, which estimates no biases of elevations")
     receivers = [own.name for own in config.receivers]

@@ -1,6 +1,7 @@
 """Proposes a configuration from a recording: rotation, noise, detection probability and clutter.
 
 It reads a bag, links detections to tracks, and prints proposed and current values side by side.
+With a receiver of self-reports in it, biases of radars are proposed too, as `register` finds them.
 With --out it writes a parameter file for the tracker.
 """
 
@@ -19,14 +20,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import from_arguments
 
-from . import command, recorded_plots
+from . import command, recorded_plots, register
 from .recorded_plots import RecordedPlots
 
 
@@ -77,17 +80,35 @@ def _work(arguments: argparse.Namespace) -> int:
     ]
     now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
+    proposed = recorded_plots.proposed(given, found, rows, recorded, where is not None)
+    if config.receivers:
+        try:
+            for radar, row in _biases(source, proposed, arguments.seconds).items():
+                rows[radar].append(row)
+                proposed[f"{radar}.{row.name}"] = row.value
+        except (BagError, ConfigError) as error:
+            _note(f"no biases from reports: {error}")
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))
         for text in (*recorded.warnings[radar], *proposal.remarks(each, given, radar)):
             console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
-    proposed = recorded_plots.proposed(given, found, rows, recorded, where is not None)
     from_arguments.config_of(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)
     comments = _comments(rows, where is None)
     command.write_proposal(arguments.out, _head(source, where), proposed, comments)
     return status
+
+
+def _biases(source: Path, given: Mapping[str, Any], seconds: float | None) -> dict[str, Row]:
+    """Return the biases of radars that the reports of targets show, as `register` finds them."""
+    found, parameters, _ = register.estimate(source, given, None, seconds or register.SECONDS)
+    now = from_arguments.config_of(given)
+    basis = register.comments(register.rows(found, parameters, now))
+    return {
+        name.removesuffix(".biases"): Row("biases", value, basis[name], now.values[name])
+        for name, value in parameters.items()
+    }
 
 
 def _note(text: str) -> None:

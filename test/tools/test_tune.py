@@ -330,3 +330,38 @@ def test_nothing_set_finds_drones_and_their_heights(tmp_path, capsys):
     assert -4.0 < low < -1.5
     assert 59.5 < high < 62.0
     capsys.readouterr()
+
+
+def test_tune_proposes_the_biases_that_reports_show(tmp_path, capsys):
+    out = tmp_path / "proposed.yaml"
+    assert tune("approach_adsb", "--seconds", "150", "--out", out) == 0
+    values = from_arguments.config_of(from_arguments.load(out)).values
+    far, gain, clockwise_deg, late_s = values["west.biases"]
+    assert far + 40e3 * gain == pytest.approx(60.0, abs=20.0)
+    assert clockwise_deg == pytest.approx(-0.15, abs=0.015)
+    assert late_s == pytest.approx(0.0, abs=0.06)
+    (line,) = [line for line in out.read_text().splitlines() if "biases:" in line]
+    assert "# +-[" in line
+    assert "16 common tracks" in line
+    assert "biases" in capsys.readouterr().out
+
+
+def test_tune_says_why_reports_show_no_biases(tmp_path, capsys):
+    given = from_arguments.load(BAGS / "approach_adsb" / "parameters.yaml")
+    elsewhere = tmp_path / "elsewhere.yaml"
+    given = {**given, "world_origin": [50.0, 18.5, 0.0]}
+    elsewhere.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": given}}))
+    assert tune("approach_adsb", "--seconds", "100", "--params-file", elsewhere) == 0
+    said = capsys.readouterr()
+    assert "tune: no biases from reports: " in said.err
+    assert "range_std" in said.out
+
+
+def test_tune_takes_sectors_without_parameters(tmp_path, capsys):
+    bag, out = tmp_path / "bag", tmp_path / "proposed.yaml"
+    shutil.copytree(BAGS / "harbour_ais", bag)
+    (bag / "parameters.yaml").unlink()
+    assert tune(bag, "--seconds", "100", "--out", out) == 0
+    config = from_arguments.config_of(from_arguments.load(out))
+    assert config.values["mast.rotation_s"] == pytest.approx(2.4, rel=1e-3)
+    assert config.values["mast.range_std"] == pytest.approx(12.0, rel=0.2)
