@@ -16,7 +16,11 @@ from .scores import Bins
 TOLERANCE, ENOUGH = 0.05, 200
 
 
-def draw(rows: Mapping[str, Mapping[str, Bins]], edges: Mapping[str, Sequence[float]]) -> Figure:
+def draw(
+    rows: Mapping[str, Mapping[str, Bins]],
+    edges: Mapping[str, Sequence[float]],
+    tolerance: float = TOLERANCE,
+) -> Figure:
     """Draw one diagram for each kind of probability, above the numbers of its statements.
 
     The bins are by kind of probability and by source, their edges by kind.
@@ -25,7 +29,7 @@ def draw(rows: Mapping[str, Mapping[str, Bins]], edges: Mapping[str, Sequence[fl
     grid = figure.subplots(2, len(rows), height_ratios=[3.2, 1.0], sharex="col", squeeze=False)
     for (upper, lower), (kind, sources) in zip(grid.T, rows.items(), strict=True):
         low = edges[kind][0] if edges[kind][0] >= TOLERANCE else 0.0
-        _diagonal(upper, low)
+        _diagonal(upper, low, tolerance)
         for index, (source, bins) in enumerate(sources.items()):
             _source(upper, lower, bins, source, index, edges[kind])
         upper.set(title=f"{kind} probability", ylabel="share that is right")
@@ -39,12 +43,13 @@ def draw(rows: Mapping[str, Mapping[str, Bins]], edges: Mapping[str, Sequence[fl
     return figure
 
 
-def _diagonal(axes: Axes, low: float) -> None:
+def _diagonal(axes: Axes, low: float, tolerance: float) -> None:
     """Draw the line of right probabilities in the band of the goal."""
     plain_axes(axes)
     ends = np.array([low, 1.0])
+    label = f"goal: ± {tolerance:g}"
     axes.fill_between(
-        ends, ends - TOLERANCE, ends + TOLERANCE, color=FAINT, linewidth=0, label="goal: ± 0.05"
+        ends, ends - tolerance, ends + tolerance, color=FAINT, linewidth=0, label=label
     )
     axes.plot(ends, ends, color=INK, linewidth=0.8)
 

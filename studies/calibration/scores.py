@@ -91,8 +91,8 @@ def of_run(
     square, inside = np.concatenate(squares), np.concatenate(seen)
     groups = [square[inside], square[~inside]]
     return Scores(
-        _binned(EXISTENCE_EDGES, np.concatenate(said), np.concatenate(exists)),
-        _binned(CLASS_EDGES, np.concatenate(believed), np.concatenate(right)),
+        binned(EXISTENCE_EDGES, np.concatenate(said), np.concatenate(exists)),
+        binned(CLASS_EDGES, np.concatenate(believed), np.concatenate(right)),
         Errors(
             np.array([len(group) for group in groups], dtype=float),
             np.array([np.count_nonzero(group > BOUND**2) for group in groups], dtype=float),
@@ -101,7 +101,7 @@ def of_run(
     )
 
 
-def _binned(edges: Sequence[float], said: FloatArray, right: FloatArray) -> Reliability:
+def binned(edges: Sequence[float], said: FloatArray, right: FloatArray) -> Reliability:
     """Return the sums by bin; rounding may put a probability a little above 1."""
     index = np.searchsorted(edges[1:-1], said, side="right")
     size = len(edges) - 1

@@ -1,8 +1,9 @@
 """How well ships' own reports are joined with the tracks of a radar, in simulated harbours.
 
 The layer of self-reports is scored against the truth: errors of ships with AIS, calls of ships
-that are dark and of one that lies, owners of sources, track numbers, and the calibration of
-P(dark). The same radar without a receiver is the reference.
+that are dark and of one that lies, owners of sources, track numbers, and the calibration of P(dark)
+and P(doubtful). The same radar without a receiver is the reference; the receiver without the radar
+and another tracker with the radar's plots are beside them.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 import argparse
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
@@ -23,7 +26,7 @@ from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.pipeline import Event, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Estimates, SelfReports
@@ -35,6 +38,9 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_re
 from phd_jdtc_ros.tally import Tally
 
 from .. import runner
+from ..calibration.diagram import draw
+from ..calibration.scores import Bins, Reliability, binned, pooled
+from ..peers.plot_kalman import SETTINGS, follow
 from ..runner import Figures, Study
 
 START_NS = 1_700_000_000 * 10**9
@@ -77,6 +83,7 @@ RECEIVER = {
 CLASS_A, CLASS_B, CLONE, LIAR, DARK, BOAT = "class A", "class B", "clone", "liar", "dark", "boat"
 KINDS = (*[CLASS_A] * 4, *[CLASS_B] * 2, *[CLONE] * 2, LIAR, *[DARK] * 3, *[BOAT] * 2)
 HONEST = CLASS_A, CLASS_B, CLONE
+CALIBRATED = ("dark", "doubtful")  # The probabilities that are compared with the truth
 TRUE_KINDS = (*HONEST, LIAR, BOAT)  # Those that are not dark
 FIRST_MMSI = 211_000_001
 DURATION_S, SETTLING_S, LIES_S = 900.0, 60.0, 180.0
@@ -84,8 +91,13 @@ LIKE_TRUTH_S = 30.0  # A lie is within the errors for so long, seconds
 NEAR = 150.0  # Largest distance between a track and its ship, metres
 # Of ships this near to another one the assignment does not tell whose track one is, metres.
 APART = 60.0
-# Bounds of the rows of P(dark).
-BOUNDS = (0.0, 0.1, 0.3, 0.7, 0.9, 0.99, 1.0 + 1e-9)
+# Edges of the bins of P(dark) and P(doubtful), and the largest difference that is a goal.
+BOUNDS = (0.0, 0.1, 0.3, 0.7, 0.9, 0.99, 1.0)
+TOLERANCE = 0.1
+# The plot Kalman tracker with the noise of these ships, chosen by its RMS errors on seeds 50 to 52.
+SHIPS = replace(SETTINGS, noise_density=0.01, speed_std=8.0)
+RADAR_ALONE, REPORTS_ALONE, BOTH, PEER = "radar alone", "AIS alone", "both", "plot Kalman"
+TRACKERS = RADAR_ALONE, PEER, REPORTS_ALONE, BOTH
 # Lies by the velocity that goes with them, in turn by seed.
 LIES = ("velocity that fits", "true velocity")
 
@@ -193,17 +205,43 @@ def _tracked(
     config: TrackerConfig, plots: Sequence[SimulatedReport], told: list[tuple[float, SelfReports]]
 ) -> Iterator[Estimates]:
     """Yield the filtered estimates of each revolution."""
-    feed, waiting = Feed(config, Tally(config)), [*told]
-    for plot in plots:
-        while waiting and START_NS + waiting[0][0] * 1e9 <= plot.stamp_ns:
-            feed.self_reports(0, partial(Told, waiting.pop(0)[1], Counter()))
-        report = Report(plot.stamp_ns, plot.detections, Counter())
-        for event in feed.report(plot.radar, report) or ():
-            if isinstance(event, Stepped):
-                yield from event.step.filtered
-    for event in feed.flush():
+    for event in _events(Feed(config, Tally(config)), plots, told):
         if isinstance(event, Stepped):
             yield from event.step.filtered
+
+
+def _events(
+    feed: Feed, plots: Sequence[SimulatedReport], told: list[tuple[float, SelfReports]]
+) -> Iterator[Event]:
+    waiting = [*told]
+    for until_s, plot in (*(((p.stamp_ns - START_NS) * 1e-9, p) for p in plots), (math.inf, None)):
+        while waiting and waiting[0][0] <= until_s:
+            yield from feed.self_reports(0, partial(Told, waiting.pop(0)[1], Counter()))
+        if plot is not None:
+            report = Report(plot.stamp_ns, plot.detections, Counter())
+            yield from feed.report(plot.radar, report) or ()
+    yield from feed.flush()
+
+
+def _errors(seen: Scenario, found: Iterable[tuple[int, FloatArray]]) -> dict[str, float]:
+    """Return how many ships with AIS were found, and their RMS error, metres.
+
+    Those of which an estimate is within `NEAR` are found; the estimates are stamps, and positions
+    of shape (T, 2).
+    """
+    ships = np.array([kind in HONEST for kind in KINDS])
+    count, squares = 0, []
+    for stamp_ns, place in found:
+        now_s = np.array([(stamp_ns - START_NS) * 1e-9])
+        if now_s[0] <= SETTLING_S or now_s[0] > seen.duration_s:
+            continue
+        truth = np.array([ship.states(now_s)[0, [0, 2]] for ship in seen.flights])
+        distance = np.hypot(*(truth[:, None] - place).transpose(2, 0, 1))
+        row, column = linear_sum_assignment(np.minimum(distance, NEAR))
+        near = (distance[row, column] < NEAR) & ships[row]
+        count += int(ships.sum())
+        squares += (distance[row, column][near] ** 2).tolist()
+    return {"found": len(squares) / max(count, 1), "rms": float(np.sqrt(np.mean(squares)))}
 
 
 class Scores:
@@ -219,12 +257,12 @@ class Scores:
         self._doubted: set[int] = set()
         self.figures: Figures = {
             **{name: [] for name in ("radar", "joint", "nees")},
-            **{name: [] for name in ("said", "true", "doubt_said", "doubt_true")},
+            **{f"{name}_{each}": [] for name in CALIBRATED for each in ("said", "true")},
             **dict.fromkeys(("false_doubts", "owned", "wrong"), 0),
             **{"source_hours": 0.0, "changes": [0, 0]},
             # By kind, of those that are not dark.
             **{name: dict.fromkeys(TRUE_KINDS, 0.0) for name in ("false_dark", "ship_hours")},
-            **{"dark": [None] * KINDS.count(DARK), "liar": {lie: [None]}},
+            **{"calls": [None] * KINDS.count(DARK), "liar": {lie: [None]}},
         }
 
     def add(self, alone: Estimates, joint: Estimates) -> None:
@@ -280,8 +318,8 @@ class Scores:
         if KINDS[ship] != DARK:
             figures["ship_hours"][KINDS[ship]] += TURN_S / 3600.0
         if now_s > SETTLING_S:
-            figures["said"].append(float(told.dark[row]))
-            figures["true"].append(KINDS[ship] == DARK)
+            figures["dark_said"].append(float(told.dark[row]))
+            figures["dark_true"].append(KINDS[ship] == DARK)
 
     def _call_dark(self, called: set[int], now_s: float) -> None:
         for ship in called - self._dark:
@@ -289,8 +327,8 @@ class Scores:
             if KINDS[ship] != DARK:
                 lies = KINDS[ship] == LIAR and now_s > LIES_S
                 self.figures["false_dark"][KINDS[ship]] += not lies
-            elif self.figures["dark"][place] is None:
-                self.figures["dark"][place] = now_s - self._since[ship]
+            elif self.figures["calls"][place] is None:
+                self.figures["calls"][place] = now_s - self._since[ship]
         self._dark = called
 
     def _call_doubtful(self, told: Reported, now_s: float) -> None:
@@ -307,8 +345,8 @@ class Scores:
         known &= ((told.alone == 1) | (told.reason != LEFT)) & ~(
             lies & (now_s < LIES_S + LIKE_TRUTH_S)
         )
-        self.figures["doubt_said"] += doubt[known].tolist()
-        self.figures["doubt_true"] += lies[known].tolist()
+        self.figures["doubtful_said"] += doubt[known].tolist()
+        self.figures["doubtful_true"] += lies[known].tolist()
         heard = set(told.address[named].tolist()) - ({liar} if now_s > LIES_S else set())
         self.figures["source_hours"] += len(heard) * TURN_S / 3600.0
         self.figures["false_doubts"] += len((doubted - self._doubted) & heard)
@@ -324,10 +362,31 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     duration_s = DURATION_S if arguments.minutes is None else 60.0 * arguments.minutes
     seen, lie = scene(radar, duration_s, rng), LIES[seed % len(LIES)]
     plots, told = simulate_reports(seen, radar.radars, seed), received(seen, lie, rng)
-    scores = Scores(seen, lie)
-    for estimates in zip(_tracked(radar, plots, []), _tracked(both, plots, told), strict=True):
+    scores, (alone, joint) = (
+        Scores(seen, lie),
+        ([*_tracked(radar, plots, [])], [*_tracked(both, plots, told)]),
+    )
+    for estimates in zip(alone, joint, strict=True):
         scores.add(*estimates)
-    return scores.figures
+    figures = scores.figures
+    for name in CALIBRATED:
+        said, true = (
+            np.array(figures.pop(f"{name}_{each}"), dtype=float) for each in ("said", "true")
+        )
+        figures[name] = binned(BOUNDS, said, true)
+    receiver = {key: value for key, value in (RADAR | RECEIVER).items() if key[:6] != "radar."}
+    reports = _tracked(resolve(receiver | {"sensors": ["ais"]}), [], told)
+    stamps = [each.stamp_ns for each in joint]
+    of_peer = follow(plots, seen.radars, stamps, SHIPS)
+    confirmed = {RADAR_ALONE: alone, BOTH: joint, REPORTS_ALONE: reports}
+    figures["trackers"] = {
+        **{
+            name: _errors(seen, ((e.stamp_ns, e.position[e.track_state > 0]) for e in own))
+            for name, own in confirmed.items()
+        },
+        PEER: _errors(seen, ((t, e.position) for t, e in zip(stamps, of_peer, strict=True))),
+    }
+    return figures
 
 
 def _combined(found: Sequence[Figures]) -> Figures:
@@ -340,7 +399,7 @@ def _combined(found: Sequence[Figures]) -> Figures:
         "runs": len(found),
         "rms": rms,
         "nees": float(np.mean(every("nees"))),
-        "dark": _times(every("dark")),
+        "calls": _times(every("calls")),
         "liar": {
             lie: _times([time_s for own in found for time_s in own["liar"].get(lie, ())])
             for lie in LIES
@@ -351,12 +410,9 @@ def _combined(found: Sequence[Figures]) -> Figures:
             for name in ("false_dark", "ship_hours")
         },
         "changes": np.sum([own["changes"] for own in found], axis=0).tolist(),
-        **{
-            f"{name}calibration": _calibration(
-                np.array(every(f"{name}said")), np.array(every(f"{name}true"), dtype=float)
-            )
-            for name in ("", "doubt_")
-        },
+        "trackers": runner.mean([own["trackers"] for own in found]),
+        "half_width": {"trackers": runner.half_width([own["trackers"] for own in found])},
+        "calibration": {name: _calibration([own[name] for own in found]) for name in CALIBRATED},
     }
 
 
@@ -367,14 +423,13 @@ def _times(calls: Sequence[float | None]) -> Figures:
     return {"of": len(calls), "called": len(made), "median_s": median, "largest_s": largest}
 
 
-def _calibration(said: FloatArray, true: FloatArray) -> list[Figures]:
-    rows = []
-    for low, high in pairwise(BOUNDS):
-        own = (said >= low) & (said < high)
-        count = int(own.sum())
-        shares = {"said": float(said[own].mean()), "true": float(true[own].mean())} if count else {}
-        rows.append({"low": low, "high": min(high, 1.0), "count": count, **shares})
-    return rows
+def _calibration(found: Sequence[Reliability]) -> dict[str, list[float | None]]:
+    """Return the columns of `Bins` over runs; entries of bins without estimates are None."""
+    bins = pooled(Reliability(*map(np.array, zip(*found, strict=True))))
+    return {
+        name: [None if math.isnan(each) else float(each) for each in column]
+        for name, column in bins._asdict().items()
+    }
 
 
 def _tables(figures: Figures) -> list[Table | str]:
@@ -384,7 +439,7 @@ def _tables(figures: Figures) -> list[Table | str]:
     shown = f"{ratio:.2f} ({rms['radar']:.1f} to {rms['joint']:.1f} m), NEES {figures['nees']:.2f}"
     rows = [
         ("RMS of ships with AIS, relative to the radar alone", shown),
-        ("dark ships called, after their confirmation", _shown(figures["dark"])),
+        ("dark ships called, after their confirmation", _shown(figures["calls"])),
         *(
             (f"called dark, but is not: {kind}", _rate(false[kind], ship_h[kind], "ship"))
             for kind in TRUE_KINDS
@@ -394,23 +449,38 @@ def _tables(figures: Figures) -> list[Table | str]:
         ("wrong owners", f"{figures['wrong']} of {figures['owned']}"),
         ("changes of track numbers", "{1}, of the radar alone {0}".format(*figures["changes"])),
     ]
+    columns = {"found": ("found", ".1%"), "rms": ("RMS", ".1f", "m")}
+    paths = {name: ("trackers", name) for name in TRACKERS}
     return [
         runner.table(f"harbours, {figures['runs']} runs", ("figure", "value"), rows),
-        _bins("P(dark)", "are dark", figures["calibration"]),
-        _bins("P(doubtful)", "are wrong", figures["doubt_calibration"]),
+        runner.figures_table("ships with AIS", "tracker", figures, columns, paths),
+        *(_bins(f"P({name})", name, figures["calibration"][name]) for name in CALIBRATED),
     ]
 
 
-def _bins(title: str, true: str, calibration: Sequence[Figures]) -> Table:
+def _bins(title: str, true: str, columns: Mapping[str, Sequence[float | None]]) -> Table:
     bins = [
         (
-            f"{row['low']:.2f} to {row['high']:.2f}",
-            str(row["count"]),
-            *(f"{row[name]:.3f}" if name in row else "-" for name in ("said", "true")),
+            f"{low:.2f} to {high:.2f}",
+            f"{number:.0f}",
+            *("-" if each is None else f"{each:.3f}" for each in (said, right)),
+            "-" if least is None else f"{least:.2f} to {most:.2f}",
         )
-        for row in calibration
+        for (low, high), (number, said, right, least, most) in zip(
+            pairwise(BOUNDS), zip(*columns.values(), strict=True), strict=True
+        )
     ]
-    return runner.table(title, ("probability", "estimates", "said", true), bins)
+    headings = ("probability", "estimates", "said", f"are {true}", "95 % interval")
+    return runner.table(title, headings, bins)
+
+
+def _pictures(figures: Figures) -> dict[str, Figure]:
+    """Return the reliability diagram."""
+    rows = {
+        name: {"harbours": Bins(*(np.array(each, dtype=float) for each in columns.values()))}
+        for name, columns in figures["calibration"].items()
+    }
+    return {"reports_reliability.png": draw(rows, dict.fromkeys(rows, BOUNDS), TOLERANCE)}
 
 
 def _shown(times: Figures) -> str:
@@ -433,4 +503,5 @@ STUDY = Study(
     runs=12,
     least_minutes=4.0,
     combined=_combined,
+    pictures=_pictures,
 )

@@ -12,15 +12,20 @@ def test_reports_help_the_radar_and_tell_who_is_dark_and_who_lies(tmp_path, caps
     found = json.loads((tmp_path / "self_reports.json").read_text())
     assert found["rms"]["joint"] < 0.8 * found["rms"]["radar"]
     assert found["rms"]["radar"] < 40.0
-    assert found["dark"]["called"] == found["dark"]["of"] == 3
-    assert found["dark"]["median_s"] > 20.0
+    assert found["calls"]["called"] == found["calls"]["of"] == 3
+    assert found["calls"]["median_s"] > 20.0
+    trackers = found["trackers"]
+    assert trackers["both"]["rms"] < 0.8 * trackers["plot Kalman"]["rms"]
+    assert trackers["plot Kalman"]["rms"] < 40.0
+    assert trackers["AIS alone"]["found"] < trackers["radar alone"]["found"]
+    assert (tmp_path / "reports_reliability.png").read_bytes().startswith(b"\x89PNG")
     # Of odd seeds the lie goes with the true velocity.
     fits, true = found["liar"].values()
     assert (fits["of"], true["of"], true["called"]) == (0, 1, 1)
     assert found["owned"] > 500
     assert found["wrong"] < 0.01 * found["owned"]
-    rows = found["calibration"]
-    assert rows[-1]["true"] > 0.9 > 0.1 > rows[0]["true"]
-    shares = [row["count"] * row["true"] for row in rows if row["count"]]
+    dark = found["calibration"]["dark"]
+    assert dark["right"][-1] > 0.9 > 0.1 > dark["right"][0]
+    shares = [n * share for n, share in zip(dark["number"], dark["right"], strict=True) if n]
     # Three ships, in the 75 revolutions after the first minute.
     assert 200 < sum(shares) <= 3 * 75
