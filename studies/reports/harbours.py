@@ -394,6 +394,8 @@ def _combined(found: Sequence[Figures]) -> Figures:
         return [value for own in found for value in own[name]]
 
     totals = ("false_doubts", "owned", "wrong", "source_hours")
+    trackers = [own["trackers"] for own in found]
+    several = {"half_width": {"trackers": runner.half_width(trackers)}} if len(found) > 1 else {}
     rms = {name: float(np.sqrt(np.mean(np.square(every(name))))) for name in ("radar", "joint")}
     return {
         "runs": len(found),
@@ -410,8 +412,8 @@ def _combined(found: Sequence[Figures]) -> Figures:
             for name in ("false_dark", "ship_hours")
         },
         "changes": np.sum([own["changes"] for own in found], axis=0).tolist(),
-        "trackers": runner.mean([own["trackers"] for own in found]),
-        "half_width": {"trackers": runner.half_width([own["trackers"] for own in found])},
+        "trackers": runner.mean(trackers),
+        **several,
         "calibration": {name: _calibration([own[name] for own in found]) for name in CALIBRATED},
     }
 
