@@ -131,7 +131,7 @@ def read(directory: Path, entry: Mapping[str, Any], work: Path) -> tuple[Recorde
         given = dict(from_arguments.load(path) if "parameters" in entry else beside or {})
     config = from_arguments.config_of(_restricted(given, entry.get("sensors")))
     recorded = Recorded(config)
-    own = _track(BagReader(bag), recorded)
+    own = track(BagReader(bag), recorded)
     stamps = sorted(own.points)
     recorded.truth = _truth(BagReader(bag), str(entry.get("truth", names.TRUTH)), config, stamps)
     if not recorded.truth:
@@ -179,7 +179,7 @@ class _Scans:
         """See `feed.Monitor`."""
 
 
-def _track(bag: BagReader, recorded: Recorded) -> Tracked:
+def track(bag: BagReader, recorded: Recorded) -> Tracked:
     """Track a bag with our tracker, and keep the scans for the others."""
     config = recorded.config
     types = input_types(config, bag)

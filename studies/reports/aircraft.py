@@ -1,15 +1,16 @@
 """How much ADS-B improves the tracks of a radar: of aircraft that have it, and of others.
 
-The scenario `approach_adsb` is simulated and tracked by its radar, its receiver, and both. The
-radar's biases are known to the tracker, as after `register`, or with `--biased` they are not. An
-estimate belongs to the nearest target, by assignment within `CUTOFF`, at the times of the truth.
+The scenario `approach_adsb` is simulated and tracked by its radar, its receiver, and both, and by
+the plot Kalman tracker with the radar's plots. The radar's biases are known to the trackers, as
+after `register`, or with `--biased` they are not. An estimate belongs to the nearest target, by
+assignment within `CUTOFF`, at the times of the truth.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from rich.table import Table
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
@@ -24,11 +27,13 @@ from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.track_bag import track_bag
 
 from .. import runner
+from ..league import Recorded, plot_kalman, track
 from ..runner import Figures, Goal, Study, StudyError
 
 SCENARIO = Path("config/scenarios/approach_adsb.yaml")
 CUTOFF, SETTLING_S = 1000.0, 60.0  # Metres; estimates are scored from this time on
 RUNS = RADAR, REPORTS, JOINT = "radar", "reports", "joint"
+PEER = "plot Kalman"
 EQUIPPED, OTHERS = GROUPS = "equipped", "others"
 # Goals: errors relative to those of the radar alone.
 MOST = {EQUIPPED: 0.2, OTHERS: 1.02}
@@ -59,33 +64,50 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
             config = from_arguments.config_of({**kept, "sensors": sensors})
             tracked = track_bag(BagReader(bag), config, Path(directory) / name, f"seed {seed}")
             record = tracked.record()
-            begin_ns = record.truth[0].stamp_ns
             filtered = {each.stamp_ns: each for each in record.filtered}
-            numbers: dict[int, int] = {}
-            squares: dict[str, list[float]] = {group: [] for group in GROUPS}
-            switches = 0
-            for truth in record.truth:
-                # Estimates have the stamp of a sector at the end of a revolution.
-                nearest = min(filtered, key=lambda stamp: abs(stamp - truth.stamp_ns))
-                found, late_s = filtered[nearest], (truth.stamp_ns - nearest) * 1e-9
-                found = found.select((found.track_state > 0) & (np.isfinite(found.position[:, 0])))
-                place = found.position + late_s * found.velocity
-                for target, row in zip(*assign(truth.position, place, CUTOFF), strict=True):
-                    label, number = int(truth.track_id[target]), int(found.track_id[row])
-                    switches += numbers.setdefault(label, number) != number
-                    numbers[label] = number
-                    if (truth.stamp_ns - begin_ns) * 1e-9 < SETTLING_S:
-                        continue
-                    error = place[row] - truth.position[target]
-                    squares[EQUIPPED if label in equipped else OTHERS].append(float(error @ error))
-            figures[name] = {
-                # Aircraft without a transmitter have no reports.
-                **{group: float(np.sqrt(np.mean(each))) for group, each in squares.items() if each},
-                **{f"count_{group}": len(each) for group, each in squares.items()},
-                "switches": switches,
+            found = {
+                stamp: PointSet.of(
+                    each.select((each.track_state > 0) & np.isfinite(each.position[:, 0]))
+                )
+                for stamp, each in filtered.items()
             }
+            figures[name] = _scored(record.truth, found, equipped)
+            if name == RADAR:
+                known = {truth.stamp_ns: PointSet.of(truth) for truth in record.truth}
+                recorded = Recorded(config, truth=known)
+                track(BagReader(bag), recorded)
+                points = plot_kalman(recorded).points
+                figures[PEER] = _scored(record.truth, points, equipped)
     figures["ratio"] = {group: figures[JOINT][group] / figures[RADAR][group] for group in GROUPS}
     return figures
+
+
+def _scored(truths: Sequence[Truth], found: Mapping[int, PointSet], equipped: set[int]) -> Figures:
+    """Return RMS errors, and switches of numbers, of estimates by stamp."""
+    begin_ns, switches = truths[0].stamp_ns, 0
+    numbers: dict[int, int] = {}
+    squares: dict[str, list[float]] = {group: [] for group in GROUPS}
+    for truth in truths:
+        # Estimates have the stamp of a sector at the end of a revolution.
+        nearest = min(found, key=lambda stamp: abs(stamp - truth.stamp_ns))
+        own, late_s = found[nearest], (truth.stamp_ns - nearest) * 1e-9
+        if own.velocity is None or own.track_id is None:
+            raise StudyError("tracks without velocities or numbers")
+        place = own.position + late_s * own.velocity
+        for target, row in zip(*assign(truth.position, place, CUTOFF), strict=True):
+            label, number = int(truth.track_id[target]), int(own.track_id[row])
+            switches += numbers.setdefault(label, number) != number
+            numbers[label] = number
+            if (truth.stamp_ns - begin_ns) * 1e-9 < SETTLING_S:
+                continue
+            error = place[row] - truth.position[target]
+            squares[EQUIPPED if label in equipped else OTHERS].append(float(error @ error))
+    return {
+        # Aircraft without a transmitter have no reports.
+        **{group: float(np.sqrt(np.mean(each))) for group, each in squares.items() if each},
+        **{f"count_{group}": len(each) for group, each in squares.items()},
+        "switches": switches,
+    }
 
 
 def _add_arguments(parser: ArgumentParser) -> None:
@@ -95,7 +117,7 @@ def _add_arguments(parser: ArgumentParser) -> None:
 def _tables(figures: Figures) -> Sequence[Table | str]:
     half = figures.get("half_width", {})
     rows: list[tuple[str, ...]] = []
-    by_run = [figures[name] for name in RUNS]
+    by_run = [figures[name] for name in (RADAR, PEER, REPORTS, JOINT)]
     for group in GROUPS:
         width = half.get("ratio", {}).get(group)
         rows.append(
@@ -106,7 +128,7 @@ def _tables(figures: Figures) -> Sequence[Table | str]:
             )
         )
     rows.append(("switches of numbers", *(f"{each['switches']:.1f}" for each in by_run), ""))
-    headings = ("aircraft", "radar alone", "ADS-B alone", "both", "both / radar")
+    headings = ("aircraft", "radar alone", PEER, "ADS-B alone", "both", "both / radar")
     return [runner.table("RMS error, and switches in a run", headings, rows)]
 
 

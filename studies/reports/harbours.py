@@ -31,6 +31,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import Estimates, SelfReports
 from phd_jdtc_ros.core.types.reports import ALARM, LEFT, MMSI, Reported
+from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.targets import Flight, Leg
@@ -113,16 +114,18 @@ class Transmitters(NamedTuple):
     hidden_s: float = 40.0  # A stretch in which nothing of a ship is received
     latency_s: tuple[float, float] = (0.1, 3.0)
     drift: float = 5.0  # Of the liar, metres per second
+    class_b_s: float = 30.0  # Interval of class B, seconds; 0 if its ships are of class A
+
+    def interval_s(self, kind: str, speed: float) -> float:
+        """Return the interval of reports of a ship under way (ITU-R M.1371-5, annex 1, table 1)."""
+        if kind == CLASS_B and self.class_b_s:
+            return self.class_b_s
+        return 10.0 if speed <= 14.0 * 1852.0 / 3600.0 else 6.0
 
 
 AIS = Transmitters()
-
-
-def interval_s(kind: str, speed: float) -> float:
-    """Return the interval of reports of a ship under way (ITU-R M.1371-5, annex 1, table 1)."""
-    if kind == CLASS_B:
-        return 30.0
-    return 10.0 if speed <= 14.0 * 1852.0 / 3600.0 else 6.0
+# All ships with AIS are of class A, and nothing is lost but single reports.
+STEADY = AIS._replace(hidden_s=0.0, class_b_s=0.0)
 
 
 def scene(config: TrackerConfig, duration_s: float, rng: np.random.Generator) -> Scenario:
@@ -169,7 +172,10 @@ def received(
     for kind, address, ship in zip(KINDS, addresses(), seen.flights, strict=True):
         antenna = rng.uniform(-1.0, 1.0, 2) * own.antenna
         hidden_s = rng.uniform(0.0, seen.duration_s - own.hidden_s)
-        direction, every_s = rng.uniform(-np.pi, np.pi), interval_s(kind, np.hypot(*ship.velocity))
+        direction, every_s = (
+            rng.uniform(-np.pi, np.pi),
+            own.interval_s(kind, np.hypot(*ship.velocity)),
+        )
         drift = own.drift * np.array([np.cos(direction), np.sin(direction)])
         for time_s in np.arange(rng.uniform(0.0, every_s), seen.duration_s, every_s):
             noise, latency_s = rng.standard_normal(4), rng.uniform(*own.latency_s)
@@ -195,7 +201,7 @@ def received(
                 address=np.array([address]),
                 space=np.array([MMSI]),
                 # Class B is told from class A by the type of its messages.
-                interval_s=np.array([30.0 if kind == CLASS_B else 2.0]),
+                interval_s=np.array([own.class_b_s if kind == CLASS_B and own.class_b_s else 2.0]),
             )
             found.append((time_s + latency_s, report))
     return sorted(found, key=lambda each: each[0])
@@ -292,9 +298,9 @@ class Scores:
                     self.figures["changes"][place] += old != new
                 if gap[ship].min() > APART:
                     self._add_owner(int(ship), told, row)
-                self._add_track(int(ship), now_s, told, row)
-                if told.dark[row] > ALARM:
-                    called.add(int(ship))
+                    self._add_track(int(ship), now_s, told, row)
+                    if told.dark[row] > ALARM:
+                        called.add(int(ship))
                 if KINDS[ship] in HONEST and now_s > SETTLING_S:
                     self.figures["radar"].append(float(distance[ship, column]))
                     self.figures["joint"].append(float(np.hypot(*error)))
@@ -361,7 +367,8 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     radar, both = resolve(RADAR), resolve(RADAR | RECEIVER)
     duration_s = DURATION_S if arguments.minutes is None else 60.0 * arguments.minutes
     seen, lie = scene(radar, duration_s, rng), LIES[seed % len(LIES)]
-    plots, told = simulate_reports(seen, radar.radars, seed), received(seen, lie, rng)
+    own = STEADY if arguments.steady else AIS
+    plots, told = simulate_reports(seen, radar.radars, seed), received(seen, lie, rng, own)
     scores, (alone, joint) = (
         Scores(seen, lie),
         ([*_tracked(radar, plots, [])], [*_tracked(both, plots, told)]),
@@ -496,6 +503,12 @@ def _rate(count: float, hours: float, of: str) -> str:
     return f"{count:.0f} in {hours:.1f} {of} hours, {count / hours:.2f} an hour"
 
 
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--steady", action="store_true", help="no ship is of class B or hidden for a while"
+    )
+
+
 STUDY = Study(
     name="self_reports",
     purpose="How well ships' own reports are joined with the tracks of a radar.",
@@ -506,4 +519,5 @@ STUDY = Study(
     least_minutes=4.0,
     combined=_combined,
     pictures=_pictures,
+    add_arguments=_add_arguments,
 )
