@@ -241,39 +241,17 @@ class SelfReporting(LayerState):
         self, rows: Rows, living: IntArray, stamp_ns: int
     ) -> tuple[SelfReporting, IntArray]:
         """Return the layer with the tracks after a scan, and the rows of those now known."""
-        old = self.tracks
-        mean, covariance, existence, of_class = moments(rows)
-        count, (row, before) = len(rows.label), matches(old.label, rows.label)
-        stamp, none = np.full(count, stamp_ns), np.zeros(count, dtype=np.int64)
-        born, known, heard_ns = stamp.copy(), none.copy(), none.copy()
-        heard, public = np.full(count, -1), rows.label.copy()
-        for column, stored in (
-            (born, old.born_ns),
-            (known, old.known_ns),
-            (heard_ns, old.heard_ns),
-            (heard, old.heard),
-            (public, old.public),
-        ):
-            column[row] = stored[before]
-        is_new = (known == 0) & (existence > KNOWN)
-        known[is_new] = stamp_ns
-        swept = frozen(
-            Tracks(
-                rows.label,
-                stamp,
-                mean,
-                covariance,
-                existence,
-                of_class,
-                born,
-                known,
-                heard_ns,
-                heard,
-                public,
-            )
-        )
+        old, count = self.tracks, len(rows.label)
+        row, before = matches(old.label, rows.label)
+        stamp, none, unheard = (np.full(count, each) for each in (stamp_ns, 0, -1))
+        own = stamp.copy(), none, none.copy(), unheard, rows.label.copy()
+        swept = Tracks(rows.label, stamp, *moments(rows), *own)
+        for name in ("born_ns", "known_ns", "heard_ns", "heard", "public"):
+            getattr(swept, name)[row] = getattr(old, name)[before]
+        is_new = (swept.known_ns == 0) & (swept.existence > KNOWN)
+        swept.known_ns[is_new] = stamp_ns
         others = np.isin(old.label, rows.label, invert=True)
-        joined = concatenate([take(old, np.flatnonzero(others)), swept])
+        joined = concatenate([take(old, np.flatnonzero(others)), frozen(swept)])
         joined = take(joined, np.argsort(joined.label, kind="stable"))
         lives = np.isin(joined.label, living)
         ended = take(joined, np.flatnonzero(~lives & (joined.known_ns > 0)))
