@@ -15,7 +15,7 @@ from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.calibration.registration.monitor import MeanResidual
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.report_selection import Told
-from phd_jdtc_ros.columns.selection import Report
+from phd_jdtc_ros.columns.selection import PADDING, Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.intake.clocks import CLOCK
@@ -66,8 +66,9 @@ class DetectionCounts:
         """Count a message's detections: the kept ones, and the dropped ones by reason."""
         self.offered += kept
         for reason, count in dropped.items():
-            self.offered += count
-            self.lost[reason] += count
+            if reason != PADDING:
+                self.offered += count
+                self.lost[reason] += count
 
     def unused(self, reasons: Mapping[str, int] | None = None) -> str:
         """Return the sentence about unused detections, with other counts if these are given."""
@@ -117,6 +118,7 @@ class Tally:
         self._resets: list[Reset] = []
         # How far the stamps of sensors were ahead of those of others, seconds; see `Drops`.
         self._clocks_off: dict[int, float | None] = {}
+        self._pose_unreadable = False  # Whether a message about platforms could not be read
         self._reparented = 0  # Number of messages after which a frame had another parent
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
@@ -145,7 +147,7 @@ class Tally:
     def on_drops(self, radar: int, drops: Drops, why: str = "") -> None:
         """Count the reports that were dropped while they waited."""
         self.dropped.update(drops.reports)
-        if why:
+        if why and not self._pose_unreadable:
             self.detections.explain(POSE_MISSING, why)
         self.detections.lost.update(drops.detections)
         if CLOCK in drops.reports:
@@ -178,7 +180,9 @@ class Tally:
     def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
         self.dropped[f"pose_{error.reason}"] += 1
-        self.detections.explain(POSE_MISSING, f"{topic}: {error}")
+        if not self._pose_unreadable:
+            self.detections.explain(POSE_MISSING, f"{topic}: {error}")
+        self._pose_unreadable = True
 
     def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
         """Count a pose that is not used, once for each cause; and changes of a frame's parent."""

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
 
-from .selection import NO_ANGLE
+from .selection import NO_ANGLE, PADDING
 
 # A radar is worse than configured if it detects targets with less than this share of the configured
 # probability, or if its noise is larger by this factor, each with this many standard deviations.
@@ -35,8 +35,10 @@ OF_DETECTIONS = frozenset(
 )
 OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated", "areas_unusable"})
 # Largest share of them that is normal, if it is not MANY: heights come with the replies of
-# transponders, so that primary plots and false ones have none, and weak plots have no elevation.
-MANY, NORMAL = 0.05, {"heights_unknown": 0.5, "elevations_unknown": 0.5}
+# transponders, so that primary plots and false ones have none, and weak plots have no elevation. A
+# cloud of a fixed size may be nearly all padding, but not always.
+MANY = 0.05
+NORMAL = {"heights_unknown": 0.5, "elevations_unknown": 0.5, f"dropped_{PADDING}": 0.9999}
 
 
 def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
@@ -156,9 +158,12 @@ def _of_noise(fit: Fit, wrong: str, which: BoolArray, factor: FloatArray) -> str
         f"{_plural(fit.components[k])} off by {fit.noise[k]:.2g} times {names[k]}" for k in numbers
     )
     checked = " and ".join(dict.fromkeys(names[k] for k in numbers))
+    # The profile of a radar that sees vessels from bow to stern has such a deviation.
+    stays = "; errors that stay, as within the extent of large targets, do not show here"
+    stays *= wrong == "smaller"
     return (
         f"innovations are {factor[which].max():.2g} times {wrong} than the noise predicts "
-        f"({deviations}); check {fit.radar}.{checked}, or the "
+        f"({deviations}{stays}); check {fit.radar}.{checked}, or the "
         "fields of standard deviations; tune finds them in a recording"
     )
 

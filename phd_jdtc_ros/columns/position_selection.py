@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.types import Detections
 from .selection import (
     MAX_RANGE_RATE,
     MAX_SECONDS_OFF,
+    PADDING,
     RANGE_RATE_STDS,
     RANGE_STDS,
     Columns,
@@ -56,6 +57,7 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     edges, bad_areas = _edges(columns)
     area = own.area if edges is None or own.area is EVERYWHERE else Area.rectangle(*edges)
     passed: dict[str, BoolArray] = {
+        PADDING: ~(np.isnan(columns["x"]) & np.isnan(columns["y"])),
         "not_finite": finite,
         "area": area.probability(np.where(finite[:, None], place, 0.0)) > 0.0,
     }

@@ -35,14 +35,18 @@ RANGE_RATE_STDS = (1e-3, 1e3)
 Columns: TypeAlias = Mapping[str, FloatArray]
 
 
+# The reason of points that are no detections: those without any place fill a cloud of a fixed size.
+PADDING = "padding"
+
+
 @dataclass(frozen=True)
 class Report:
     """A decoded message."""
 
     stamp_ns: int  # Stamp without the radar's time offset
     detections: Detections  # `amplitude` is None if the message has no amplitudes
-    # Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
-    # ``amplitude``.
+    # Points left out, by reason: `PADDING`, ``not_finite``, ``height``, ``range``, ``azimuth``,
+    # ``time``, ``amplitude``.
     dropped: Counter[str]
     # Points, or messages, that are used but contradict their configuration; see `anomalies`.
     anomalies: Counter[str] = field(default_factory=Counter)
@@ -85,6 +89,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         measurement = ground_ranges.in_space(distance, azimuth, elevation, radar)
         reach, possible = distance, np.ones(len(distance), dtype=bool)
     passed = {
+        PADDING: ~(np.isnan(columns["range"]) & np.isnan(columns["azimuth"])),
         "not_finite": _finite(columns, in_space=radar.height_prior is not None),
         "height": possible,
         # An elevation beyond the zenith is invalid, and makes the ground range negative.

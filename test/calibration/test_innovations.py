@@ -160,7 +160,7 @@ def test_wrong_noise_of_positions_names_its_parameter(prior):
     assert text.startswith("innovations are ")
     assert "x is off by " in text
     assert text.endswith(
-        "times position_std); check mast.position_std, or the fields of standard deviations; tune "
+        "do not show here); check mast.position_std, or the fields of standard deviations; tune "
         "finds them in a recording"
     )
 

@@ -109,6 +109,13 @@ def test_a_missing_pose_is_explained_by_the_first_pose_that_cannot_be_read():
     )
 
 
+def test_points_that_fill_a_cloud_are_counted_and_no_lost_detections():
+    tally = Tally(build.resolve({"sensors": ["mast"]}))
+    tally.on_report(0, Report(10**9, Detections(np.ones((7, 2)), None), Counter({"padding": 121})))
+    assert (tally.dropped["padding"], tally.detections.lost.total()) == (121, 0)
+    assert tally.fault() is None
+
+
 def test_feed_yields_a_scan_before_its_monitors_take_it():
     taken = []
 

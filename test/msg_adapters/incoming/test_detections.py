@@ -152,8 +152,10 @@ def test_from_msg_drops_a_bad_point_counts_it_and_keeps_the_others(bad, reason):
 
 
 def test_from_msg_counts_dropped_points_and_keeps_those_on_the_bounds():
-    report = read([(NAN, NAN, NAN), (-1.0, 0.0, -1.0), (-2.0, 0.0, 1.0), (1.0, 0.0, -1.0)])
-    assert report.dropped == {"not_finite": 1, "range": 2, "amplitude": 1}
+    report = read(
+        [(NAN, NAN, NAN), (NAN, 0.0, NAN), (-1.0, 0.0, -1.0), (-2.0, 0.0, 1.0), (1.0, 0.0, -1.0)]
+    )
+    assert report.dropped == {"padding": 1, "not_finite": 1, "range": 2, "amplitude": 1}
     assert len(report.detections) == 0
     report = read([(0.0, 0.0, 4.0), (17e3, 0.0, 0.0), (1.0, 0.0, 1e6)])
     assert len(report.detections) == 3

@@ -226,7 +226,7 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health.fit = health.fit._replace(noise=np.array([0.2, 0.3]), too_small=none, too_large=both)
     assert status(health).message.startswith(
         "innovations are 5 times smaller than the noise predicts (ranges are off by 0.2 times "
-        "range_std, azimuths are off by 0.3 times azimuth_std_deg)"
+        "range_std, azimuths are off by 0.3 times azimuth_std_deg; errors that stay, "
     )
     health.fit = health.fit._replace(too_large=none)
     assert status(health).level == OK
