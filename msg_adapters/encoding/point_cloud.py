@@ -76,7 +76,6 @@ def to_cdr(
 
 
 def _points(columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str]) -> npt.NDArray[np.void]:
-    """Return the columns as an array of points."""
     kinds = tuple([(name, array.dtype.char, array.shape[1:]) for name, array in columns.items()])
     points = np.empty(len(next(iter(columns.values()))), dtype=_layout(kinds, frozenset(wide)))
     for name, array in columns.items():
@@ -85,7 +84,6 @@ def _points(columns: Mapping[str, npt.NDArray[Any]], wide: Collection[str]) -> n
 
 
 def _empty(layout: np.dtype[np.void], frame: str) -> PointCloud2:
-    """Return a cloud without points."""
     return PointCloud2(
         header=Header(frame_id=frame),
         height=1,

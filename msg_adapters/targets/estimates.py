@@ -80,7 +80,6 @@ def to_cdr(estimates: Estimates, frame: str) -> bytes:
 
 
 def _columns_of(estimates: Estimates) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a cloud by field name, in order."""
     state, known = estimates.state, estimates.attributes
     height = vertical.states(estimates)
     columns = {

@@ -364,7 +364,6 @@ def structured_array(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]])
 
 
 def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
-    """Return the columns of the estimates of one stamp."""
     axes, known = [*found.space.position, *found.space.velocity], found.known_attributes
     said: dict[str, Any] = {}
     if (reports := found.reports) is not None:

@@ -358,7 +358,6 @@ def head(stream: BinaryIO, position: int) -> tuple[int, int]:
 
 
 def _add_record(stream: BinaryIO, position: int, end: int, found: Index) -> None:
-    """Add the record at `position` to `found`, or raise `DamageError`."""
     opcode, length = head(stream, position)
     if position + length > end:
         raise DamageError("a record does not end within the data")

@@ -150,7 +150,6 @@ def of_noise(fit: Fit) -> str | None:
 
 
 def _of_noise(fit: Fit, wrong: str, which: BoolArray, factor: FloatArray) -> str:
-    """Return the warning about the components whose noise is wrong in one way."""
     numbers = which.nonzero()[0].tolist()
     known = {**RadarParameters.noise_parameters, **PositionParameters.noise_parameters}
     names = [known.get(each, (f"{each}_std", ""))[0] for each in fit.components]
@@ -238,7 +237,6 @@ def _words(component: str) -> str:
 
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
-    """Return the warning about azimuths beyond one revolution."""
     if radar.units.in_degrees:
         return f"{count} azimuths beyond 360 degrees; are they degrees, and not gradians?"
     cause = (

@@ -257,7 +257,7 @@ class Pipeline:
         )
         adapted = replace(model, radars=radars)
         factor = slowest_s(adapted) / slowest_s(model)
-        self.engine.retune(adapted, rule.scaled_coasting(factor))
+        self.engine.retune(adapted, replace(rule, coasting_s=factor * rule.coasting_s))
 
     def period_s(self, radar: int) -> float:
         """Return the estimated rotation period of a radar, seconds; 0 if unknown."""

@@ -11,7 +11,6 @@ import re
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
 from datetime import datetime, timedelta, timezone
-from functools import cache
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.transport.network import fits_stamp
@@ -152,7 +151,8 @@ class AisReader:
         return []
 
     def _decode(self, parts: list[_Part], own_ship: bool) -> Heard | None:
-        decode = _decoder()
+        from pyais import decode  # Here, so that it is imported when the first sentence comes
+
         try:
             message: Any = decode(*(part.sentence for part in parts))
             least = _BITS.get(message.msg_type, 0)
@@ -165,14 +165,6 @@ class AisReader:
         if heard is None:
             self.counts["other_type"] += 1
         return heard
-
-
-@cache
-def _decoder() -> Any:
-    """Import pyais when the first sentence comes; raise `ModuleNotFoundError` without it."""
-    from pyais import decode
-
-    return decode
 
 
 def _checksum(body: bytes) -> int:

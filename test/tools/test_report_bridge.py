@@ -3,6 +3,7 @@
 import csv
 import gzip
 import re
+import sys
 from pathlib import Path
 
 import ais_sentences as made
@@ -185,12 +186,7 @@ def test_a_log_of_which_nothing_is_used_ends_with_3_and_the_reason(bridge, data,
 
 
 def test_a_missing_library_is_named(bridge, monkeypatch):
-    from phd_jdtc_ros.transponders import ais
-
-    def absent():
-        raise ModuleNotFoundError("No module named 'pyais'", name="pyais")
-
-    monkeypatch.setattr(ais, "_decoder", absent)
+    monkeypatch.setitem(sys.modules, "pyais", None)
     status, _, said = bridge(made.class_a(5, 5) + b"\n")
     assert status == 2
     assert said.err.endswith("pyais is not installed, which AIS needs: pip install pyais\n")

@@ -137,13 +137,7 @@ class Conflicts(ReadOnly):
     starboard: FloatArray
     # Mean place of the track, or of the second object, at the median time, metres, (K, 2).
     place: FloatArray
-    # 0 for no alarm, 1 for an alarm, 2 for an acknowledged one, (K,).
-    alarm: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-
-    def __post_init__(self) -> None:
-        if not len(self.alarm):
-            object.__setattr__(self, "alarm", np.zeros(len(self.kind), dtype=np.int64))
-        super().__post_init__()
+    alarm: IntArray  # 0 for no alarm, 1 for an alarm, 2 for an acknowledged one, (K,)
 
     def __len__(self) -> int:
         return len(self.kind)

@@ -181,7 +181,8 @@ def predict(
     of_name |= dict(
         zip(("probability", "time_s", "cpa", "tcpa_s", "ahead", "starboard"), real, strict=True)
     )
-    return Conflicts(stamp_ns, place=np.ascontiguousarray(columns[9:].T), **of_name)
+    of_name |= {"place": np.ascontiguousarray(columns[9:].T), "alarm": np.zeros_like(whole[0])}
+    return Conflicts(stamp_ns, **of_name)
 
 
 def _summary(

@@ -9,7 +9,7 @@ expected for its class.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -57,10 +57,6 @@ class ReportingRule:
     def least_smoothed(self) -> float:
         """Existence probability above which a target can be reported by the smoother."""
         return float((self.delete if self.labelled else self.confirm).min())
-
-    def scaled_coasting(self, factor: float) -> ReportingRule:
-        """Return the rule with a coasting time longer by a factor."""
-        return replace(self, coasting_s=self.coasting_s * factor)
 
 
 def rule_of(

@@ -286,7 +286,6 @@ class GaussianEngine:
         return total + latest.stored.class_mass()
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
-        """Return the targets to publish for a stamp."""
         targets = self._predict_targets(stamp_ns)
         self._states.note(targets)
         return self._describe_and_number(targets, smoothed=False)

@@ -325,7 +325,6 @@ class Tracker(ManagedNode):
         return action() if self.is_active else (False, f"the tracker is {self.phase}")
 
     def _operate(self, verb: str, given: Sequence[Any]) -> tuple[bool, str]:
-        """Do manual work on tracks."""
         try:
             return self._while_active(lambda: (True, self._configured.operate(verb, given)))
         except ValueError as error:

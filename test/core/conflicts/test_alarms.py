@@ -23,6 +23,7 @@ def conflicts(seconds, probabilities):
         ahead=unknown,
         starboard=unknown,
         place=np.zeros((count, 2)),
+        alarm=np.zeros(count, dtype=np.int64),
     )
 
 
