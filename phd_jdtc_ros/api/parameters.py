@@ -228,13 +228,10 @@ class Parameters:
                 yield f"{radar}: {text}"
 
     def with_findings(
-        self, findings: Mapping[str, Findings], timed: Mapping[str, bool], columns: Collection[str]
+        self, findings: Mapping[str, Findings], columns: Collection[str]
     ) -> Parameters:
-        """Return a copy with the findings of a recording; given parameters take precedence.
-
-        Detections of `timed` radars have individual times.
-        """
-        found = {} if self.for_node else proposal.unspecified(findings, timed)
+        """Return a copy with the findings of a recording; given parameters take precedence."""
+        found = {} if self.for_node else proposal.unspecified(findings)
         found |= {
             k: v for k, v in self.found.items() if k.endswith(("world_origin", ".units.elevation"))
         }

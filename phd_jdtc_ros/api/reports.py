@@ -171,7 +171,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
     """
     time_ns = stamps_ns(columns)
     columns = with_column(columns, TIME, time_ns / 1e9)
-    found, step_ns = [], _step_ns(config.inputs)
+    found = []
     for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
         if not len(rows):
             continue
@@ -181,10 +181,10 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Repor
             warnings.warn(f"{TIME}: {text}", stacklevel=3)
         sent = _columns_of(own, radar)
         timed = radar.fields.time == TIME
-        stamp_ns = (time_ns[rows] // step_ns + 1) * step_ns if timed else time_ns[rows]
+        stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
         if timed:
-            empty_ns = _empty_ns([*parts], step_ns, round(radar.rotation_s * 1e9))
+            empty_ns = _empty_ns([*parts], _step_ns(radar))
             parts |= dict.fromkeys(empty_ns, np.arange(0))
         found += [(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
     return sorted(found, key=lambda each: (each[1].stamp_ns, each[0]))
@@ -273,25 +273,20 @@ def _rows_of_radars(columns: Columns, radars: Sequence[SensorParameters]) -> Ite
         yield np.flatnonzero(name == each)
 
 
-def _step_ns(sensors: Sequence[SensorParameters]) -> int:
-    """Return the length of the parts of revolutions, which end together for all sensors.
-
-    A part that ended later than another sensor's next one would have detections from before it.
-    """
-    steps_s = [
-        each.rotation_s / PARTS_OF_A_REVOLUTION or DEFAULT_PART_S
-        for each in sensors
-        if each.fields.time == TIME
-    ]
-    return round(min(steps_s, default=DEFAULT_PART_S) * 1e9)
+def _step_ns(radar: SensorParameters) -> int:
+    return round((radar.rotation_s / PARTS_OF_A_REVOLUTION or DEFAULT_PART_S) * 1e9)
 
 
-def _empty_ns(ends_ns: Sequence[int], step_ns: int, revolution_ns: int) -> list[int]:
+def _ends_ns(time_ns: IntArray, radar: SensorParameters) -> IntArray:
+    """Return the end of the part of a revolution of each detection time."""
+    return (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
+
+
+def _empty_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     """Return the ends of the parts without detections, without gaps above a revolution."""
-    longest_ns = revolution_ns or PARTS_OF_A_REVOLUTION * step_ns
     empty_ns: list[int] = []
     for begin, end in pairwise(ends_ns):
-        if end - begin < longest_ns:
+        if end - begin < PARTS_OF_A_REVOLUTION * step_ns:
             empty_ns += range(begin + step_ns, end, step_ns)
     return empty_ns
 

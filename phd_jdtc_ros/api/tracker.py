@@ -178,12 +178,12 @@ class Tracker:
         for sensor, read in zip(config.inputs, counts, strict=True):
             if read.lost:
                 warnings.warn(f"{sensor.name}: {read.unused()}", stacklevel=2)
-        found, timed, faults = {}, {}, []
+        found, faults = {}, []
         for index, name in enumerate(each.name for each in config.inputs):
             try:
                 if index not in reports:
                     raise TuningError("no detections")
-                found[name], timed[name] = _findings(reports[index], fields[index])
+                found[name] = _findings(reports[index], fields[index])
             except TuningError as error:
                 reason = counts[index].fault()
                 reasons = [str(error), *([reason] if reason else ()), *about.get(index, ())]
@@ -192,7 +192,7 @@ class Tracker:
             raise TuningError("; ".join(faults))
         for text in parameters.remarks(found):
             warnings.warn(text, stacklevel=2)
-        self._parameters = parameters.with_findings(found, timed, columns)
+        self._parameters = parameters.with_findings(found, columns)
         return self
 
     def track(self, detections: Table | None, reports: Table | None = None) -> Tracks:
@@ -308,8 +308,8 @@ class Tracker:
             warnings.warn(warning, stacklevel=3)
 
 
-def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> tuple[Findings, bool]:
-    """Return the findings of a sensor's reports, and whether detections have times of their own."""
+def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> Findings:
+    """Return the findings of a sensor's reports."""
     if isinstance(sensor, RadarModel):
         rates, field = sensor.range_rate, sensor.visibility
         plots = plots_of(reports, ambiguity=rates.ambiguity if rates else 0.0)
@@ -321,7 +321,7 @@ def _findings(reports: list[tuple[int, Detections]], sensor: Sensor) -> tuple[Fi
     if part.places:
         # A few detections show the noise, but only all of them the area.
         found = replace(found, field=replace(found.field, area=area_of(plots.measurement)))
-    return found, plots.timed
+    return found
 
 
 def _index_of(radar: str | None, names: list[str]) -> int:

@@ -370,7 +370,7 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "detections_late": "{count} detections arrived after the report of their part of the "
     "revolution; they are used, but their targets counted as missed before",
     "slices_late": "{count} parts of revolutions arrived after their scans were closed; set "
-    "reorder_s to the longest rotation_s of the radars",
+    "reorder_s to the longest delay of the reports",
     "late_reworked": "{count} clouds, or parts of revolutions, arrived after their scans were "
     "closed and were reprocessed; if there are many, delay scans with reorder_s",
     "poses_extrapolated": lambda radar, count: (

@@ -142,8 +142,13 @@ class TrackerConfig(Tracking):
             for radar in self.inputs
             if radar.rotation_s
         ]
+        held_s = [
+            ScanGrouper.HELD * radar.rotation_s / max(radar.sectors, 1)
+            for radar in self.inputs
+            if radar.fields.time and len(self.inputs) > 1
+        ]
         late_s = max((radar.bias.time_offset_s for radar in self.inputs), default=0.0)
-        return max(slices_s, default=0.0) + self.reorder_s + max(late_s, 0.0)
+        return max(slices_s, default=0.0) + max(self.reorder_s, *held_s, 0.0) + max(late_s, 0.0)
 
     def clocks(self) -> Clocks[SentReport]:
         """Return a new comparison of the sensors' stamps."""

@@ -224,6 +224,9 @@ class Pipeline:
             self._retune_to_rotation()
         if isinstance(slices, Rejection):
             return slices
+        if detections.time_s is not None and not self._out_of_sequence.reprocesses:
+            covered_s = revolutions.report_duration_s or revolutions.period_s
+            self._grouper.covered_s[radar] = covered_s
         if self._posed.moving:
             self._posed.add(radar, slices)
             return self._events(self._group_released())

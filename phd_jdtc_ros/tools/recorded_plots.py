@@ -178,10 +178,9 @@ def proposed(
     specified: bool,
 ) -> dict[str, Any]:
     """Return parameters with all proposed values; `specified` if some were given before."""
-    timed = {radar: plots is not None and plots.timed for radar, plots in recorded.plots.items()}
     values = dict(given)
     if not specified:
-        values.update(proposal.unspecified(found, timed))
+        values.update(proposal.unspecified(found))
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})

@@ -43,27 +43,28 @@ def test_track_finds_two_targets_that_cross(tracked):
     assert set(tracked.smoothed["class"]) == {"target"}
 
 
-def test_plots_of_antennas_with_unequal_revolutions_are_all_used():
+@pytest.mark.parametrize(
+    "rotations_s", [(2.5, 4.0, 6.0), (4.0, 0.0)], ids=["unequal", "beside a fast sensor"]
+)
+def test_plots_of_turning_antennas_beside_other_sensors_are_all_used(rotations_s):
     rng, columns = np.random.default_rng(5), {"time": [], "radar": [], "range": [], "azimuth": []}
-    rotations_s = {"near": 2.5, "far": 4.0, "wide": 6.0}
-    for name, rotation_s in rotations_s.items():
-        times = np.arange(0.0, 90.0, rotation_s / 12) + rng.uniform(0.0, 0.1, 1)
-        columns["time"] += times.tolist()
-        columns["radar"] += [name] * len(times)
-        columns["range"] += rng.uniform(1e3, 4e4, len(times)).tolist()
-        azimuth = 2.0 * np.pi * times / rotation_s
-        columns["azimuth"] += (np.remainder(azimuth + np.pi, 2.0 * np.pi) - np.pi).tolist()
     radar = {
         "range_std": 50.0,
         "azimuth_std_deg": 0.1,
         "max_range": 5e4,
         "detection_probability": 0.9,
         "clutter_rate": 5.0,
-        "fields": {"time": "time"},
     }
-    sections = {
-        name: {**radar, "rotation_s": rotation_s} for name, rotation_s in rotations_s.items()
-    }
+    sections = {}
+    for number, rotation_s in enumerate(rotations_s):
+        times = np.arange(0.0, 90.0, rotation_s / 12 if rotation_s else 0.1) + rng.uniform(0.0, 0.1)
+        columns["time"] += times.tolist()
+        columns["radar"] += [f"radar_{number}"] * len(times)
+        columns["range"] += rng.uniform(1e3, 4e4, len(times)).tolist()
+        azimuth = 2.0 * np.pi * times / (rotation_s or 7.0)
+        columns["azimuth"] += (np.remainder(azimuth + np.pi, 2.0 * np.pi) - np.pi).tolist()
+        turning = {"rotation_s": rotation_s, "fields": {"time": "time"}} if rotation_s else {}
+        sections[f"radar_{number}"] = {**radar, **turning}
     births = {"std": [100.0]}
     tracker = Tracker(
         {"sensors": [*sections], "interval_s": 2.5, "detection_births": births, **sections}

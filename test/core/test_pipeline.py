@@ -192,19 +192,23 @@ def test_revolutions_are_stepped_in_slices_again_behind_a_jump_back():
 BOTH = {"lag": 2, "interval_s": 4.0, **{f"radar_{k}.rotation_s": 4.0 for k in (1, 2)}}
 
 
-def two_radars(later_s):
-    """Return the reports of two radars in the order of arrival, the second's by so much later."""
-    first = TURNING.reports(6)
-    second = TURNING.reports(6, seed=1)
-    moved = [(s.stamp_ns + round(later_s * 1e9), 1, s) for s in second]
-    return sorted([*((s.stamp_ns, 0, s) for s in first), *moved], key=lambda entry: entry[0])
+def two_radars(delay_s):
+    """Return the reports of asynchronous radars in the order of arrival; the second's are delayed.
+
+    Its stamps are later by 1.7 s.
+    """
+    arriving = [(sent.stamp_ns, 0, sent.stamp_ns, sent) for sent in TURNING.reports(6)]
+    for sent in TURNING.reports(6, seed=1):
+        stamp_ns = sent.stamp_ns + round(1.7e9)
+        arriving.append((stamp_ns + round(delay_s * 1e9), 1, stamp_ns, sent))
+    return [entry[1:] for entry in sorted(arriving, key=lambda entry: entry[0])]
 
 
-@pytest.mark.parametrize("reorder_s", [0.0, 4.0])
-def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(reorder_s):
-    pipeline = new_pipeline(small({**BOTH, "reorder_s": reorder_s}))
+@pytest.mark.parametrize("delay_s", [0.0, 3.5, 6.5])
+def test_slices_are_late_and_counted_only_after_a_long_delay(delay_s):
+    pipeline = new_pipeline(small(BOTH))
     scans, rejected = 0, 0
-    for stamp_ns, radar, sent in two_radars(1.7):
+    for radar, stamp_ns, sent in two_radars(delay_s):
         events = pipeline.add(radar, stamp_ns, sent.detections)
         if isinstance(events, Rejection):
             rejected += 1
@@ -213,11 +217,11 @@ def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(r
     scans += sum(isinstance(event, Stepped) for event in pipeline.flush())
     late = sum(pipeline.take_anomalies(radar)["slices_late"] for radar in (0, 1))
     assert rejected == 0
-    assert (late > 0) == (reorder_s == 0.0)
+    assert (late > 0) == (delay_s > 6.0)
     cut = small(BOTH).revolutions()
     pieces = [
         len(cut[radar].split(stamp_ns, sent.detections))
-        for stamp_ns, radar, sent in two_radars(1.7)
+        for radar, stamp_ns, sent in two_radars(delay_s)
     ]
     assert 11 * SLICES < sum(pieces) == scans + late
 

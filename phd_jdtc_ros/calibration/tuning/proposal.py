@@ -497,20 +497,11 @@ LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
 LEAST_HEIGHT_STD, FLOOR_SIGMA = 5.0, 3.0
 
 
-def unspecified(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
-    """Return the tracker's parameters outside the sections of at least one radar.
-
-    `timed` says whether each detection of a radar has its own time.
-    """
+def unspecified(found: Mapping[str, Findings]) -> dict[str, Any]:
+    """Return the tracker's parameters outside the sections of at least one radar."""
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s
     turning = [each.timing.rotation_s for each in found.values() if each.timing.rotation_s]
-    # Reports of other radars are later than the first detections of one that takes this long.
-    lasting = [
-        each.timing.rotation_s / max(each.timing.sectors, 1)
-        for radar, each in found.items()
-        if each.timing.rotation_s and timed[radar]
-    ]
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
     calm = max(noise.densities[0], floor, LEAST_DENSITY)
@@ -534,8 +525,6 @@ def unspecified(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dic
         given["height_prior"] = [round_to_std(each, 0.1 * std) for each in (own[0], std, floor)]
     if turning:
         given["estimates_period_s"] = given["interval_s"]
-    if len(found) > 1 and lasting:
-        given["reorder_s"] = round_to_std(max(lasting), 1e-3 * max(lasting))
     return given | _amplitude_band(found)
 
 

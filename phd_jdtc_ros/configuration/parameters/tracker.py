@@ -94,8 +94,9 @@ class Tracking:
     )
     reorder_s: float = parameter(
         0.0,
-        "Longest time for which detections wait for other radars' detections of the same time, s. "
-        "For unsynchronised radars that turn, set it to the longest time that one report covers.",
+        "Longest time for which detections wait for other sensors' delayed detections of the same "
+        "time, s. With 0 they wait for turning radars alone, one and a half times as long as a "
+        "report of these covers.",
         (0.0, 1e3),
     )
     late_reports: str = parameter(

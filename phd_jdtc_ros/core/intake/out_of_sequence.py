@@ -42,7 +42,7 @@ class OutOfSequence:
     """
 
     def __init__(self, engine: Engine, radars: int, reprocesses: bool) -> None:
-        self._engine, self._radars, self._reprocesses = engine, radars, reprocesses
+        self._engine, self._radars, self.reprocesses = engine, radars, reprocesses
         self.forget()
 
     def forget(self) -> None:
@@ -57,7 +57,7 @@ class OutOfSequence:
 
         Without reprocessing, only step the engine. See `Engine.step` for `on_filtered`.
         """
-        if not self._reprocesses:
+        if not self.reprocesses:
             return self._engine.step(scan, on_filtered)
         filtered, smoothed = self._reprocess()
         on_filtered(filtered)

@@ -7,9 +7,9 @@ radar that has missed two scans is not live until its next report, or until this
 radar's own interval: one that reports once a second is waited for once a second. A caller that
 cannot wait for a later stamp closes the pending scans with `close_all`.
 
-Asynchronous radars that report whole revolutions send reports as old as their revolutions are long.
-For these radars scans can be held back by time: until every live radar has reported the stamp or a
-later one, or the newest stamp is later by more than that time.
+A turning radar sends detections that are as old as its report is long. For it, scans are held back:
+until every live radar has reported the stamp or a later one, or the newest stamp is later by more
+than the longest time that a report covers, with a margin, or than a configured time.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 
@@ -64,6 +65,10 @@ class Reset:
 class ScanGrouper:
     """Groups reports into scans."""
 
+    # Wait for the next report of a turning radar, in times that one covers: it may be delayed by a
+    # half of this time.
+    HELD: ClassVar[float] = 1.5
+
     radars: int  # Number of configured radars
     # A stamp that is behind the newest one by more than this begins a new run, seconds. With a
     # smaller difference the report is late.
@@ -72,6 +77,8 @@ class ScanGrouper:
     max_gap_s: float = math.inf
     # Longest time that scans are held back for radars behind the newest stamp, seconds.
     reorder_s: float = 0.0
+    # Time that a report of each turning radar covers, seconds: its first detections are so old.
+    covered_s: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -181,13 +188,19 @@ class ScanGrouper:
             events += self._close(stamps.pop(0))
         return events
 
+    @property
+    def _wait_ns(self) -> float:
+        """The longest time that scans are held back, nanoseconds."""
+        covered_s = max(self.covered_s.values(), default=0.0) if self.radars > 1 else 0.0
+        return 1e9 * max(self.reorder_s, self.HELD * covered_s)
+
     def _closable(self, stamps: list[int]) -> bool:
         """Return whether the oldest of the pending stamps need not wait.
 
-        Without `reorder_s` only an incomplete scan waits: for the next stamp, or if that is hardly
-        later, also for the radars that are due at its own.
+        If none is held back, only an incomplete scan waits: for the next stamp, or if that is
+        hardly later, also for the radars that are due at its own.
         """
-        if self.reorder_s:
+        if self._wait_ns:
             return self._is_final(stamps[0])
         if len(stamps) > 1:
             return not self._is_awaited(stamps[0], stamps[-1])
@@ -211,7 +224,7 @@ class ScanGrouper:
 
         A radar is not live if it has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait.
         """
-        wait_ns = self.reorder_s * 1e9
+        wait_ns = self._wait_ns
         newest = max(last for last in self._last_stamp if last is not None)
         if newest - stamp_ns > wait_ns:
             return True

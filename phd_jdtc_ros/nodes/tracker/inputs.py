@@ -447,7 +447,7 @@ def _changes(
         return changes if last else None
     found = replace(found, field=replace(found.field, area=area_of(plots.measurement)))
     if with_targets:
-        changes |= proposal.unspecified({name: found}, {name: plots.timed})
+        changes |= proposal.unspecified({name: found})
     changes["interval_s"] = proposal.interval_s({name: found})
     rows = proposal.rows(found, {}, name)
     return changes | {f"{name}.{row.name}": row.value for row in rows if row.proposed}

@@ -131,7 +131,7 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             _set_detection_probability(proposed, radar, own.detection.value)
     if found and found.keys() <= near:
         # Ships, vehicles and taxiing aircraft have other speeds and turns than aircraft in flight.
-        measured = proposal.unspecified(found, dict.fromkeys(found, True))
+        measured = proposal.unspecified(found)
         densities = [f"{motion}.noise_density" for motion in ("cv", "ct", "hard")]
         for name in ("detection_births.std", *densities):
             proposed.set(name, measured[name], "measured: the radar sees less than 20 km")

@@ -46,7 +46,7 @@ def test_noise_of_elevations_and_their_limits_are_found():
     known = {"radar.fov_elevation_deg": [-2.0, 62.0]}
     kept = {row.name: row for row in proposal.rows(found, known, "radar")}["fov_elevation_deg"]
     assert not kept.proposed
-    prior = proposal.unspecified({"radar": found}, {"radar": False})["height_prior"]
+    prior = proposal.unspecified({"radar": found})["height_prior"]
     assert prior[0] == pytest.approx(mean, rel=0.05)
     assert prior[2] < 900.0
 

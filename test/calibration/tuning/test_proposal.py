@@ -421,7 +421,7 @@ def test_survival_is_the_highest_that_the_ends_of_tracks_allow(estimated, rate, 
         timing=replace(found.timing, rotation_s=2.0 * found.timing.rotation_s),
         ends=replace(long.ends, value=2.5 * rate),
     )
-    values = proposal.unspecified({"a": long, "b": slow}, {"a": True, "b": True})
+    values = proposal.unspecified({"a": long, "b": slow})
     assert values["target.survival_probability"] == pytest.approx(survival, abs=1e-9)
 
 
@@ -429,28 +429,22 @@ def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimat
     _, found = estimated
     noise = replace(found.noise, range_std=25.0, densities=(1e-5, 0.1))
     ships = replace(found, timing=Timing(1.0), noise=noise, with_outliers=None)
-    values = proposal.unspecified({"mast": ships}, {"mast": False})
+    values = proposal.unspecified({"mast": ships})
     assert values["cv.noise_density"] < 0.2
     assert values["hard.noise_density"] < 4.0
     fast = replace(ships, noise=replace(noise, densities=(2.0, 90.0)))
-    values = proposal.unspecified({"mast": fast}, {"mast": False})
+    values = proposal.unspecified({"mast": fast})
     levels = [values[f"{motion}.noise_density"] for motion in ("cv", "ct", "hard")]
     assert levels == [2.0, 2.0, 90.0]
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     _, found = estimated
-    values = proposal.unspecified({"tower": found, "other": found}, {"tower": True, "other": True})
+    values = proposal.unspecified({"tower": found, "other": found})
     config = resolve({"sensors": ["tower", "other"], **values})
     assert config.engine == "gaussian"
-    assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
+    assert config.values["interval_s"] == 5.0
     assert config.values["amplitude"] == "none"
-    # A report of a part of a revolution has detections from the time of that part.
-    by_parts = replace(found, timing=replace(found.timing, sectors=8))
-    values = proposal.unspecified(
-        {"tower": by_parts, "other": by_parts}, {"tower": True, "other": True}
-    )
-    assert values["reorder_s"] == pytest.approx(5.0 / 8.0, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,15 @@ STREAMS = [
         """,
     ),
     (
+        {"covered_s": {0: 4.0}},
+        """
+        a turning radar's report is waited for, since its detections are of a time before it:
+            | 0@1; 1@2: 1/0; 1@3; 1@4; 0@2.5: 2/1 2.5/0
+        a turning radar that is silent is not waited for:
+            0@1 1@2 1@8 | 1@12: 2/1; 1@14: 8/1 12/1 14/1; 1@15: 15/1
+        """,
+    ),
+    (
         {"reorder_s": 5.0},
         """
         by time a radar that never came is not waited for:
