@@ -116,7 +116,7 @@ async def _watch(port_file: Path, count: int) -> list[dict[str, float]]:
             pages = [each for each in await reply.json() if each["type"] == "page"]
         address = pages[0]["webSocketDebuggerUrl"]
         async with session.ws_connect(address, max_msg_size=0) as link:
-            drawn = {"expression": "document.documentElement.dataset.drawn"}
+            drawn = {"expression": "document.documentElement?.dataset.drawn"}
             while (await _ask(link, "Runtime.evaluate", drawn))["result"].get("value") != "yes":
                 await asyncio.sleep(0.2)
             parts = []
