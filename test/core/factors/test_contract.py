@@ -276,6 +276,22 @@ def test_what_is_saved_and_restored_goes_on_bit_by_bit(case):
     assert equal(stored(factor_of(one)), stored(factor_of(other)))
 
 
+@pytest.mark.parametrize("case", [each for each in CASES if each.factor.NAME], ids=name_of)
+def test_stored_values_that_cannot_have_been_learned_are_refused(case):
+    snapshot = Snapshot(STAMP_NS)
+    updated([case.factor], reports(case.sectors)[:-1]).factors.to_snapshot([RADAR], snapshot)
+    for name, array in snapshot.arrays.items():
+        forgeries = [np.zeros((*array.shape, 3)), array.astype("U8")]
+        if array.size:
+            absurd = (np.nan, -1e300) if array.dtype.kind == "f" else (-(2**60),)
+            forgeries += [np.full_like(array, value) for value in absurd]
+        for forged in forgeries:
+            held = stored_and_read(snapshot)
+            held.arrays[name] = forged
+            with pytest.raises(ValueError, match=case.factor.NAME):
+                factors_of(case.factor).restored(held, [RADAR])
+
+
 @ALL
 def test_learning_replaces_a_value_and_never_modifies_it(case):
     known = case.factor

@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 from lone import lone, scan_at
-from runs import reprocessed_from, restored_after
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -137,16 +136,3 @@ def test_range_rates_teach_nothing(ambiguity, given):
         for scan in scans
     ]
     assert figures(config, scans)[RATIO] == 1.0
-
-
-def test_restored_engine_goes_on_with_what_was_learned():
-    config = config_of(AUTO)
-    _, scans = run_of(2, 2.0 * STD, scans=14)
-    restored_after([8], lambda: new_engine(config), scans)
-
-
-def test_reprocessed_scans_teach_what_they_would_have_in_order():
-    config = config_of(AUTO)
-    _, scans = run_of(2, 2.0 * STD, scans=14)
-    straight = reprocessed_from(8, lambda: new_engine(config), scans)
-    assert straight.forward.learned_figures[RATIO] > 1.0

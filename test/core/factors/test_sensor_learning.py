@@ -211,11 +211,6 @@ def test_restored_engine_goes_on_with_what_was_learned_until_it_is_reset():
         assert not any(differs(*each) for each in of_both(kind, first, nothing))
 
 
-def test_restored_engine_goes_on_with_the_share_of_outliers():
-    scans = [scan for _, scan in run_of(3, scans=20, **TRUTH)]
-    restored_after([12], lambda: engine_of(learn=["noise", "outliers"]), scans)
-
-
 def test_reprocessed_scans_teach_what_they_would_have_in_order():
     straight = reprocessed_from(10, learning, in_revolution(16))
     for kind in LEARNED:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from runs import learned, restored_after, stored_and_read
+from runs import learned
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -188,13 +188,6 @@ def test_ships_at_rest_that_are_missed_at_first_are_found_if_they_may_be(bound, 
     assert max(found[-5:]) == min(found[-5:]) == expected
 
 
-def test_restored_engine_goes_on_with_its_map_bit_by_bit():
-    given = {**HARBOUR, **MAPPED}
-    run = [scan for _, scan in harbour(10, 3)]
-    first, _ = restored_after([6], lambda: new_engine(small(given)), run)
-    assert learned(first, ClutterMap)["mast"].count.sum() > 0.0
-
-
 def mapped(**given):
     return new_engine(small({**HARBOUR, **MAPPED, **given}))
 
@@ -205,42 +198,6 @@ def map_stored():
     for _, scan in harbour(4, 3):
         tracker.step(scan)
     return tracker.snapshot()
-
-
-def part(name, value):
-    return lambda held: held.arrays.update({f"clutter_map.mast.{name}": np.array(value)})
-
-
-MAP_FORGERIES = {
-    "place": (part("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
-    "revolutions": (
-        part("revolutions", 1e9),
-        "clutter_map.mast.revolutions: 1000000000.0 given outside",
-    ),
-    "nan": (part("grid.range_cell", np.nan), "clutter_map.mast.grid.range_cell: nan given"),
-    "columns": (part("grid.columns", 0), "clutter_map.mast.grid.columns: 0 given"),
-    "missing": (lambda held: held.arrays.pop("clutter_map.mast.cell"), "mast.cell: missing"),
-    "length": (part("cell", np.arange(3)), r"mast.count: shape .*, expected \(3\)"),
-    "negative": (part("cell", [-1]), "clutter_map.mast.cell: .* outside"),
-    "order": (part("cell", [2, 1]), "clutter_map.mast.cell: must increase"),
-    "infinite": (part("count", [np.inf]), "clutter_map.mast.count: "),
-    "recent": (part("recent", [-1.0]), "clutter_map.mast.recent: "),
-    "recent length": (part("recent", np.zeros(3)), "clutter_map.mast.recent: shape"),
-    "recent revolutions": (
-        part("recent_revolutions", -1.0),
-        "clutter_map.mast.recent_revolutions: -1.0 given",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", MAP_FORGERIES)
-def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_stored):
-    change, reason = MAP_FORGERIES[name]
-    held, tracker = stored_and_read(map_stored), mapped()
-    change(held)
-    with pytest.raises(ValueError, match=reason):
-        tracker.restore(held)
-    assert not learned(tracker, ClutterMap)["mast"].revolutions
 
 
 @pytest.mark.parametrize(
