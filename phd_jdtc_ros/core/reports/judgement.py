@@ -47,11 +47,17 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     size, habits = len(tracks.label), receiver.habits
     heard = np.full(size, False)
     gap_s = np.zeros(size)
+    begin_ns = tracks.born_ns.copy()
     row, source = matches(sources.number, tracks.heard)
     same = sources.space[source] == receiver.space
-    heard[row[same]], gap_s[row[same]] = True, sources.gap_s[source[same]]
+    row, source = row[same], source[same]
+    begin_ns[row] = tracks.heard_ns[row]
+    # A source that certainly owns another track has probably never reported this one.
+    owner = sources.owner[source]
+    same = ~np.isin(owner, tracks.label) | (owner == tracks.label[row])
+    row, source = row[same], source[same]
+    heard[row], gap_s[row] = True, sources.gap_s[source]
     now_ns = min(int(layer.learned.alive_ns[index]), stamp_ns)
-    begin_ns = np.where(heard, tracks.heard_ns, tracks.born_ns)
     quiet_s = np.maximum((now_ns - begin_ns) * 1e-9 - heard * habits.time_step_s, 0.0)
     interval_s = layer.intervals_of(
         np.full(size, index), tracks.mean[:, 2:], tracks.covariance[:, 2:, 2:], gap_s
@@ -82,7 +88,7 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     # A transmitter that has left its target is on, and says that it is elsewhere.
     elsewhere = np.full(size, False)
     later = sources.last_ns[newest_of_address(sources)] > sources.last_ns
-    elsewhere[row[same]] = later[source[same]]
+    elsewhere[row] = later[source]
     free = (1.0 - recent) * (inside & ~has_left & ~elsewhere)
     return Judged(inside, obliged, free * said.dark, np.where(inside, free * said.silent, np.nan))
 

@@ -25,6 +25,7 @@ from runs import stored_and_read
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.reports import judgement
 from phd_jdtc_ros.core.reports.bias import CERTAIN
 from phd_jdtc_ros.core.types import TENTATIVE, SelfReports
 from phd_jdtc_ros.core.types.reports import ALARM, ICAO, LEFT, MMSI, SHARED
@@ -181,6 +182,28 @@ def test_dark_ships_are_called_and_no_other_one():
         for kind, place in zip(KINDS, turn.truth, strict=True):
             dark = estimates.reports.dark[nearest(estimates, place)]
             assert dark > ALARM if kind == DARK else dark < 0.9
+
+
+def test_a_dark_ship_that_passed_for_the_owner_of_a_report_is_called():
+    pipeline, scene, *_ = tracked()
+    layer, stamp_ns = pipeline.engine.forward.factors.reports, scene[-1].stamp_ns
+    tracks, sources = layer.tracks, layer.sources
+
+    def track_of(kind):
+        place = scene[-1].truth[KINDS.index(kind)]
+        return int(np.argmin(np.hypot(*(tracks.mean[:, :2] - place).T)))
+
+    owner, dark = track_of(OK), track_of(DARK)
+    (source,) = (sources.owner == tracks.label[owner]).nonzero()
+    heard_ns, heard = tracks.heard_ns.copy(), tracks.heard.copy()
+    heard_ns[dark], heard[dark] = stamp_ns - 100 * 10**9, sources.number[source[0]]
+    near = layer.changed(tracks=tracks._replace(heard_ns=heard_ns, heard=heard))
+    said = judgement.of_receiver(near, 0, stamp_ns)
+    assert said.dark[dark] > ALARM
+    assert said.dark[owner] < 0.1
+    # While no other track has the source, it has been the ship's own.
+    nobody = sources._replace(owner=np.full(len(sources.owner), -1))
+    assert judgement.of_receiver(near.changed(sources=nobody), 0, stamp_ns).dark[dark] < 0.99
 
 
 def test_liar_is_called_and_does_not_pull_its_ship():
