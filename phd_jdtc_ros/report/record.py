@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -110,12 +111,14 @@ def learned_values(
         if name in figures:
             given, std = figures[f"{name}_set"], figures[f"{name}_std"]
             yield LearnedValue(radar.name, quantity, given, figures[name], std, "")
+        parameters = Counter(quantity for quantity, _ in radar.noise_parameters.values())
         for component, (quantity, unit) in radar.noise_parameters.items():
             name = f"{radar.name}.{component}_noise_ratio"
             if name in figures:
                 given = getattr(radar, quantity)
                 found, std = given * figures[name], given * figures[f"{name}_std"]
-                yield LearnedValue(radar.name, quantity, given, found, std, unit)
+                of = f"{quantity} of {component}" if parameters[quantity] > 1 else quantity
+                yield LearnedValue(radar.name, of, given, found, std, unit)
         if (name := f"{radar.name}.outlier_share") in figures:
             columns = Outliers.start, figures[name], figures[f"{name}_std"]
             yield LearnedValue(radar.name, "share of outliers", *columns, "")

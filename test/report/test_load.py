@@ -18,6 +18,7 @@ from msg_adapters.targets import estimates, tracks, truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
@@ -306,11 +307,18 @@ def test_values_are_those_learned_in_the_units_of_parameters():
     assert not list(learned_values(INPUTS, {"other.range_noise_ratio": 2.0}))
 
 
+def test_learned_values_of_one_parameter_are_told_apart_by_their_components():
+    lidar = PositionParameters(name="lidar")
+    figures = {f"lidar.{a}_noise_ratio{b}": 0.5 for a in "xy" for b in ("", "_std")}
+    found = [each.quantity for each in learned_values([lidar], figures)]
+    assert found == ["position_std of x", "position_std of y"]
+
+
 def test_page_shows_what_was_set_and_found_of_which_sensor():
     record = replace(record_of(), learned=tuple(learned_values(INPUTS, FIGURES)))
     text = words.sensors(record.learned, {})
-    cells = ("mast", "range_std", "50 m", "100 m", "5 m")
-    assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
+    cells = "".join(f"<td>{cell}</td>" for cell in ("50 m", "100 m", "5 m"))
+    assert f'<th scope="row">mast: range_std</th>{cells}' in text
     changes = sensor_changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
     text = words.sensors(tuple(learned_values(INPUTS, FIGURES)), changes)
     assert "<strong>mast</strong>: has changed: it detects fewer targets." in text

@@ -396,8 +396,7 @@ def sensors(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
         return ""
     rows = [
         [
-            value.sensor,
-            value.quantity,
+            f"{value.sensor}: {value.quantity}",
             *(
                 f"{each:.3g} {value.unit}".rstrip()
                 for each in (value.given, value.found, value.std)
@@ -405,7 +404,7 @@ def sensors(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
         ]
         for value in learned
     ]
-    headings = ("sensor", "parameter", "set", "found", "deviation")
+    headings = ("sensor and parameter", "set", "found", "deviation")
     changed = "".join(
         f"<p><strong>{escape(name)}</strong>: {escape(text)}.</p>" for name, text in changes.items()
     )
