@@ -345,28 +345,6 @@ def test_restored_states_go_on():
     np.testing.assert_array_equal(ours.track_state, theirs.track_state)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "said"),
-    [
-        ("tracks.label", np.array([2, 1]), "tracks.label: must increase"),
-        ("tracks.label", np.array([1]), r"tracks.stamp_ns: shape \(2,\), expected \(1\)"),
-        ("tracks.state", np.array([1, 3]), "tracks.state: .* outside"),
-        ("tracks.existence", np.array([np.nan, 1.0]), "tracks.existence: .* not finite"),
-        ("tracks.factor", np.array([-1.0, 1.0]), "tracks.factor: .* outside"),
-        ("tracks.detected_ns", np.array([-1, 1]), "tracks.detected_ns: .* outside"),
-        ("noted.stamp_ns", np.array([-1, 1]), "noted.stamp_ns: .* outside"),
-        ("noted.state", np.array([1]), r"noted.state: shape \(1,\), expected \(2\)"),
-    ],
-)
-def test_forged_states_are_refused(name, value, said):
-    tracks = Tracks()
-    tracks.add(t1=0.9, t2=0.9)
-    snapshot = snapshot_of(tracks)
-    snapshot.arrays[name] = value
-    with pytest.raises(ValueError, match=said):
-        Tracks().states.from_snapshot(snapshot)
-
-
 def test_missed_counts_radars_that_reported_where_they_were():
     one = missed_by(replace_report(1, None))
     assert one == pytest.approx(np.sqrt(MISSED))

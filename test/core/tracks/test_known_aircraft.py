@@ -176,22 +176,11 @@ def test_stored_aircraft_are_the_same():
     assert again.number_of(78, (5e4, 0.0), 0, REACH) == 2
 
 
-@pytest.mark.parametrize(
-    ("part", "value", "text"),
-    [
-        ("number", [9], "1 aircraft with numbers up to 9, expected at most 10000 with"),
-        ("address", [1 << 24], "aircraft.address: "),
-        ("stamp_ns", [-1], "aircraft.stamp_ns: "),
-        ("position", [[np.nan, 0.0]], "aircraft.position: a number is not finite"),
-        ("position", [[0.0]], r"aircraft.position: shape \(1, 1\), expected \(1, 2\)"),
-        ("speed", [7], "aircraft.speed: int64 given, expected floats"),
-    ],
-)
-def test_forged_aircraft_are_refused(part, value, text):
+def test_aircraft_of_numbers_that_were_never_given_are_refused():
     snapshot = Snapshot(0)
     KnownAircraft({1: LastSeen(77, 0, (0.0, 0.0), 0.0)}).to_snapshot(snapshot)
-    snapshot.arrays[f"aircraft.{part}"] = np.array(value)
-    with pytest.raises(ValueError, match=text):
+    snapshot.arrays["aircraft.number"] = np.array([9])
+    with pytest.raises(ValueError, match="1 aircraft with numbers up to 9, expected at most 10000"):
         KnownAircraft.from_snapshot(snapshot, 2)
 
 
