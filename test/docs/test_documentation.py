@@ -186,6 +186,7 @@ def test_drawing_of_the_house_has_the_parts_of_the_contract():
         "earth",
         "feed",
         "report_bridge",
+        "asterix_bridge",
     }
 
     assert packages <= parts
