@@ -129,13 +129,14 @@ class Picture(RunnableNode):
         """Learn the names of the classes, and the places of the radars and the zones."""
         found = server.head(values)
         try:
-            config = config_of({**values, "zones": ""})
-            sensors = zip(config.inputs, config.model.radars, strict=True)
-            found["sites"] = [
-                [own.name, *sensor.position] for own, sensor in sensors if not own.pose.topic
-            ]
-            self._follow(config)
-            self._zones = zones.read(values.get("zones", ""), config.plane)
+            if "sensors" in values:  # `hand_over` has none
+                config = config_of({**values, "zones": ""})
+                sensors = zip(config.inputs, config.model.radars, strict=True)
+                found["sites"] = [
+                    [own.name, *sensor.position] for own, sensor in sensors if not own.pose.topic
+                ]
+                self._follow(config)
+                self._zones = zones.read(values.get("zones", ""), config.plane)
         except ConfigError as error:  # A file of zones may be on another machine
             self.get_logger().warning(f"zones or moving radars are not shown: {error}")
         self._head = {**found, "zones": zone_lines(self._zones)}
