@@ -130,11 +130,9 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
     if found and found.keys() <= near:
-        # Ships, vehicles and taxiing aircraft have other speeds and turns than aircraft in flight.
-        measured = proposal.unspecified(found)
-        densities = [f"{motion}.noise_density" for motion in ("cv", "ct", "hard")]
-        for name in ("detection_births.std", *densities):
-            proposed.set(name, measured[name], "measured: the radar sees less than 20 km")
+        # Ships, vehicles and taxiing aircraft are slower than aircraft in flight.
+        speeds = proposal.unspecified(found)["detection_births.std"]
+        proposed.set("detection_births.std", speeds, "measured: the radar sees less than 20 km")
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]
     false = {radar: own.false_share for radar, own in found.items()}
     _set_equipped_probability(proposed, together, false, config.values["equipped_probability"])

@@ -276,7 +276,7 @@ def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
 
 
 @pytest.mark.parametrize(("seconds", "tuned"), [(8.0, False), (120.0, True)])
-def test_surface_radar_is_over_a_flat_earth_with_motions_of_its_own(
+def test_surface_radar_is_over_a_flat_earth_with_speeds_of_its_own(
     bridged, monkeypatch, seconds, tuned
 ):
     # A revolution takes 1 s and has about 5 plots.
@@ -288,7 +288,6 @@ def test_surface_radar_is_over_a_flat_earth_with_motions_of_its_own(
     assert given["radar_1_2.rotation_s"] == pytest.approx(1.008, abs=0.01 / seconds)
     assert ("are for a long-range radar and may not fit" in said.out) == (not tuned)
     assert (given["detection_births.std"][0] < 100.0) == tuned
-    assert (given["cv.noise_density"] < 0.5) == tuned
     assert BagReader(bag).counts["/radar_1_2/detections"] <= 4 * 121
 
 
