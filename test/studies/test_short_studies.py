@@ -19,7 +19,7 @@ from phd_jdtc_ros.parameter_files import yaml_files
 from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_after
-from studies import handover, hard_traffic, misspecified, registration
+from studies import conflicts, handover, hard_traffic, misspecified, registration
 from studies.command import main
 from studies.handover import CORE, JOINT, ONE, scene
 from studies.madap import FIGURES, SETTLING_S, errors_of, expected_speed, figures_of, goals_of
@@ -322,3 +322,19 @@ def test_the_speed_is_the_mean_of_speeds_whose_courses_differ():
     mean, covariance = velocities.mean(axis=0)[None], np.cov(velocities.T)[None]
     assert expected_speed(mean, None)[0] == np.hypot(*mean[0]) < 195.0
     assert expected_speed(mean, covariance)[0] == pytest.approx(200.0, abs=0.5)
+
+
+def test_conflicts_and_alarms_of_a_single_run_are_scored(tmp_path, capsys, monkeypatch):
+    few = {"aircraft": conflicts.AIRCRAFT._replace(targets=15, radius=30e3, duration_s=160.0)}
+    monkeypatch.setattr(conflicts, "SCENES", few)
+    out = ["--runs", "1", "--seed", "5", "--out", str(tmp_path)]
+    assert main(["conflicts", "--scenes", "aircraft", *out]) == 0
+    assert "share of alarms said with 0.7" in capsys.readouterr().out
+    found = json.loads((tmp_path / "conflicts.json").read_text())["scenes"]["aircraft"]
+    reports, alarms = found["reports"], found["alarm_"]
+    assert len(reports) == len(alarms) == len(conflicts.BOUNDS) - 1
+    assert sum(row["count"] for row in reports) > 20
+    assert sum(row["count"] for row in alarms) > 5
+    # The interval of one run is not known.
+    assert {row["half_width"] for row in (*reports, *alarms)} == {None}
+    assert reports[-1]["true"] > 0.8
