@@ -94,13 +94,28 @@ class TrackerModel(ReadOnly):
         return float((modes.motion_share * by_mode).sum() / len(modes.classes))
 
     @cached_property
-    def floor(self) -> float:
-        """Floor of heights where these follow from ranges alone, metres; -inf otherwise."""
-        measured = any(
+    def measures_heights(self) -> bool:
+        """Whether any sensor measures or reports heights, which follow from ranges alone if not."""
+        return any(
             each.reported_heights is not None or (each.noise_std[2:] < UNKNOWN_STD).any()
             for each in self.radars
         )
-        return -math.inf if self.height_prior is None or measured else self.height_prior.floor
+
+    @cached_property
+    def floor(self) -> float:
+        """Floor of heights where these follow from ranges alone, metres; -inf otherwise."""
+        if self.height_prior is None or self.measures_heights:
+            return -math.inf
+        return self.height_prior.floor
+
+    @cached_property
+    def largest_height_std(self) -> float:
+        """Largest deviation of a height that is reported, metres; 0 if ranges show no height.
+
+        One sensor of ranges alone cannot find heights, however narrow its hypotheses become.
+        """
+        found = self.measures_heights or len(self.radars) > 1
+        return self.height_prior.largest_std if self.height_prior is not None and found else 0.0
 
     @property
     def has_clutter_map(self) -> bool:

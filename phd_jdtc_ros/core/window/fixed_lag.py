@@ -311,10 +311,10 @@ class GaussianEngine:
             estimates = transponders.describe(estimates, smoothed)
         if (reports := self.forward.factors.reports) is not None:
             estimates = reports.describe(estimates, smoothed)
-        if (prior := self.forward.model.height_prior) is not None:
+        if self.forward.model.height_prior is not None:
             if (pressure := self.forward.factors.pressure) is not None:
                 estimates = estimates.with_pressure(pressure.mean, pressure.std)
-            estimates = estimates.with_heights(prior.largest_std)
+            estimates = estimates.with_heights(self.forward.model.largest_height_std)
         known = estimates.attributes is not None
         return self._tracks.assign(estimates, Reach.of(self.forward.model) if known else None)
 

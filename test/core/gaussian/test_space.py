@@ -113,6 +113,10 @@ def test_two_slant_ranges_find_heights_and_one_does_not():
     assert np.sqrt(single.covariance[0, 5, 5]) > 500.0
     assert np.isnan(single.attributes.height).all()
     assert np.isnan(single.attributes.height_covariance).all()
+    # One radar alone finds none, however narrow a height has become.
+    one = lone({**SPACE, "radar.fields.elevation": ""}).model
+    assert np.isnan(found.with_heights(one.largest_height_std).attributes.height).all()
+    assert config.model.largest_height_std > std
 
 
 def test_target_that_leaves_the_beam_above_is_soon_outside():
