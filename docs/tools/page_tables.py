@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[2]
 
 PAGES = (
     *("study.md", "study_details.md", "performance.md", "engines.md", "registration.md"),
-    *("scaling.md", "paper.md"),
+    *("scaling.md", "paper.md", "reports.md"),
 )
 STUDIES = ROOT / "out/study"
 SUMMARIES = {"study": STUDIES / "summary.json", "bench": ROOT / "out/bench/summary.json"}
