@@ -32,11 +32,15 @@ def detect(
     track_id of the target, 0 for clutter.
 
     The envelopes of targets are Rayleigh with sigma^2 = 1 + d, and of noise with sigma^2 = 1; only
-    envelopes above the radar's threshold are reported. The clutter rate counts reported detections.
+    envelopes above the radar's threshold are reported. The clutter rate counts reported detections,
+    and those that a blind sector hides.
     """
     states = states_for(radar, truth)
     observed = observe(radar.measure(states), snr, radar, rng)
     clutter = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
+    if radar.visibility.blind:
+        clear = radar.visibility.probability_in_view(clutter[0]) > 0.0
+        clutter = clutter[0][clear], clutter[1][clear]
     state, target = states[observed.seen], truth.track_id[observed.seen]
     parts = [observed.detected]
     if echoes is not None:

@@ -9,7 +9,7 @@ from scenes import reference_scenario
 
 from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.state_space import PLANAR
-from phd_jdtc_ros.core.types import UNKNOWN, Truth
+from phd_jdtc_ros.core.types import UNKNOWN, Coverage, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.antenna import Antenna
@@ -164,6 +164,15 @@ def test_detect_sees_targets_within_the_range_beside_clutter():
     strong = np.flatnonzero(found.amplitude > 10.0)
     assert len(found) > len(strong) > 40
     assert strong.tolist() != list(range(len(strong)))
+
+
+def test_detect_sees_neither_targets_nor_clutter_in_a_blind_sector():
+    blind = (Coverage(0.4, 1.0),)
+    radar = replace(RADAR, visibility=Visibility(max_range=15e3, blind=blind), clutter_rate=2e3)
+    found, source = detect(standing(50), np.full(50, 1e4), radar, np.random.default_rng(0))
+    assert (np.abs(found.measurement[:, 1] - 0.9) > 0.5).all()
+    assert not source.any()
+    assert len(found) == pytest.approx(2e3 * (1.0 - 1.0 / (2.0 * np.pi)), abs=4.5 * 41.0)
 
 
 @pytest.mark.parametrize("position", [(-8e3, 0.0), (50.0, 0.0)], ids=["on-the-cut", "close"])
