@@ -76,16 +76,9 @@ class Scene:
         return list(self.parameters["sensors"])
 
     def detections(self, seed: int) -> list[SimulatedReport]:
-        """Return what the radars report, by time; nothing from blind sectors."""
-        reports = []
-        for each in simulate_reports(self.scenario, self.config(learned=False).radars, seed):
-            if self.reports(each.radar, self.after(each.stamp_ns)):
-                view = self.scenario.radars[each.radar].visibility
-                seen = view.probability_in_view(each.detections.measurement) > 0.0
-                rows = np.flatnonzero(seen | (each.source > 0))
-                found = each.detections.take(rows)
-                reports.append(each._replace(detections=found, source=each.source[rows]))
-        return reports
+        """Return what the radars report, by time."""
+        reports = simulate_reports(self.scenario, self.config(learned=False).radars, seed)
+        return [each for each in reports if self.reports(each.radar, self.after(each.stamp_ns))]
 
     def after(self, stamp_ns: int) -> float:
         """Return the time of a stamp after scan 0."""
