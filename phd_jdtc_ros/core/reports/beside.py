@@ -233,7 +233,7 @@ class SelfReporting(LayerState):
         layer = layer._with_owners(stamp_ns)
         layer = layer._with_off(stamp_ns)
         sources, tracks = with_public(layer.sources, layer.tracks, layer.pairs)
-        pairs, links = links_of(layer.pairs, stamp_ns)
+        pairs, links = links_of(layer.pairs)
         kept = (*layer.links, links) if len(links.number) else layer.links
         return layer.changed(sources=sources, tracks=tracks, pairs=pairs, links=kept[-MAX_LINKS:])
 
@@ -390,9 +390,14 @@ class SelfReporting(LayerState):
         return judgement.joined(self, fused, said)
 
     def of_labels(self, oldest_ns: int) -> SelfReporting:
-        """Return the layer without links that end before a stamp."""
-        kept = tuple(each for each in self.links if int(each.time_ns.max()) >= oldest_ns)
-        return self if len(kept) == len(self.links) else self.changed(links=kept)
+        """Return the layer without links that no pair needs to get back to a stamp."""
+        waiting = self.pairs.number[self.pairs.since_ns > oldest_ns]
+        kept: list[Links] = []
+        for each in reversed(self.links):
+            if np.isin(each.number, waiting).any():
+                kept.insert(0, each)
+            waiting = np.setdiff1d(waiting, each.number[each.time_ns <= oldest_ns])
+        return self if len(kept) == len(self.links) else self.changed(links=tuple(kept))
 
     @property
     def labels(self) -> IntArray:

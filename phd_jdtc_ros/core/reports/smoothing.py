@@ -15,9 +15,9 @@ LEAST_OWNED = 1e-4
 MAX_LINKS = 1000
 
 
-def links_of(pairs: Pairs, stamp_ns: int) -> tuple[Pairs, Links]:
-    """Return the links of pairs that have reached a stamp, and the pairs with new ones from it."""
-    (row,) = ((pairs.time_ns >= stamp_ns) & (pairs.since_ns < pairs.time_ns)).nonzero()
+def links_of(pairs: Pairs) -> tuple[Pairs, Links]:
+    """Return the links of pairs that have moved on, and the pairs with new ones from there."""
+    (row,) = (pairs.since_ns < pairs.time_ns).nonzero()
     links = frozen(
         Links(
             pairs.number[row],
