@@ -269,9 +269,12 @@ class Completion:
         return now_s - self._since_s >= self.LINGER_S
 
     def _is_enough(self, scored: Sequence[int]) -> bool:
-        """Return whether the wanted number of stamps has the scores of both sources."""
-        # The number of estimates with stamps of their own is not known in advance. Then the truth
-        # must have that number of stamps, and both sources the same number of scores.
-        if self._evaluation.own_stamps:
-            return self._evaluation.truth_scans >= self._wanted and min(scored) == max(scored)
-        return min(scored) >= self._wanted
+        """Return whether the wanted number of stamps has the scores of both sources.
+
+        The number of estimates with stamps of their own is not known in advance, and the truth may
+        have stamps before the first detection and after the last. Then the truth must have that
+        number of stamps, and both sources the same number of scores.
+        """
+        if min(scored) >= self._wanted and not self._evaluation.own_stamps:
+            return True
+        return self._evaluation.truth_scans >= self._wanted and 0 < min(scored) == max(scored)

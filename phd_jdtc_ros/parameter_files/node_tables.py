@@ -141,8 +141,8 @@ class Evaluator:
     )
     exit_after_scans: int = parameter(
         0,
-        "Number of scored stamps after which the node ends; 0 for never. With estimates_period_s "
-        "it is a number of stamps of the truth.",
+        "Number of scored stamps after which the node ends; 0 for never. With estimates_period_s, "
+        "or without estimates at some of them, it is a number of stamps of the truth.",
         (0, 10**9),
     )
 

@@ -104,6 +104,25 @@ def test_evaluator_ends_by_itself_where_estimates_have_own_stamps(processes, pee
     assert (evaluator.returncode, metrics["scans"], metrics["truth_scans"]) == (0, 4, None)
 
 
+def test_evaluator_ends_by_itself_where_the_truth_begins_before_the_detections(
+    processes, peer, tmp_path
+):
+    evaluator, source, _ = reporting(processes, peer, tmp_path, *options(exit_after_scans=3))
+    for second in (1, 2, 3):
+        source.send_truth(second * SECOND)
+    source.send_estimates("filtered", 2 * SECOND)
+    source.send_estimates("filtered", 3 * SECOND)
+    source.send_estimates("smoothed", 2 * SECOND)
+    source.scored(3)
+    source.taken()
+    assert evaluator.poll() is None
+    source.send_estimates("smoothed", 3 * SECOND)
+
+    assert peer.spin_until(lambda: evaluator.poll() is not None)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert (evaluator.returncode, metrics["scans"], metrics["truth_scans"]) == (0, 2, 3)
+
+
 @pytest.mark.parametrize("given", ["", "file/metrics.json", "file", "link", "pipe"])
 def test_evaluator_refuses_a_report_that_is_no_place_for_one(processes, tmp_path, given):
     (tmp_path / "file").write_text("{}")
