@@ -145,9 +145,8 @@ def test_shipped_recording_is_tracked_with_the_values_of_its_profile():
     found = from_arguments.config_of(bag_parameters.read(SHIPPED)).values
     shared = [name for name in given if not name.startswith("approach.")]
     assert len(shared) > 20
-    # Beside what the recording's radars are, two need to wait for each other.
     differing = {name for name in shared if found[name] != profile[name]}
-    assert differing == {"sensors", "reorder_s"}
+    assert differing == {"sensors"}
     assert found["spawn.rate"] == profile["spawn.rate"] == 0.0
 
 
