@@ -18,7 +18,8 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.position import PositionParameters
 from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import UNKNOWN, FloatArray, IntArray
+from phd_jdtc_ros.core.types import SelfReports
 from phd_jdtc_ros.earth import SystemPlane
 
 from .tables import (
@@ -245,11 +246,29 @@ def told_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Told]]:
     for index, own in enumerate(config.receivers):
         rows = np.flatnonzero(whose == own.name)
         mine = {name: column[rows] for name, column in sent.items()}
-        found.append((index, report_selection.select(None, own, mine)))
+        told = report_selection.select(None, own, mine)
+        if text := _of_stopped_clock(told.reports):
+            warnings.warn(f"reports: {text}", stacklevel=3)
+        found.append((index, told))
     unknown = set(whose.tolist()) - set(names)
     if unknown:
         raise ValueError(f"receiver: {min(unknown)!r} given, must be one of {', '.join(names)}")
     return found
+
+
+def _of_stopped_clock(reports: SelfReports) -> str:
+    """Return the sentence about a transmitter whose time stands still; empty without one."""
+    own = reports.take(np.flatnonzero(reports.address != UNKNOWN))
+    # What several stations have heard is one place, and times in whole seconds have few.
+    places = np.unique(np.column_stack([own.address, own.time_ns, own.position]), axis=0)
+    (address, _), count = np.unique(places[:, :2].T, axis=1, return_counts=True)
+    if not len(count) or count.max() <= 5:
+        return ""
+    which = address[np.argmax(count)]
+    return (
+        f"{count.max()} places of address {which:.0f} have the same time; if its clock stopped "
+        "there, the target counts as silent from then on"
+    )
 
 
 def _rows_of_radars(columns: Columns, radars: Sequence[SensorParameters]) -> Iterator[IntArray]:

@@ -70,6 +70,14 @@ def test_reports_need_a_receiver_and_places():
         Tracker(PARAMETERS).track(detections, reports)
 
 
+def test_a_clock_that_stands_still_is_named():
+    detections, reports = tables()
+    mine = reports["address"] == 1001 + KINDS.index(OK)
+    reports["time"] = np.where(mine, reports["time"].min(), reports["time"])
+    with pytest.warns(UserWarning, match=f"{mine.sum()} places of address 1001 .* clock"):
+        Tracker(PARAMETERS).track(detections, reports)
+
+
 def test_reports_alone_are_tracked():
     _, reports = tables()
     given = {name: value for name, value in PARAMETERS.items() if not name.startswith("radar.")}

@@ -290,7 +290,11 @@ class WaitingReports:
         return int(np.partition(times, -2)[-2]) // interval_ns * interval_ns
 
     def take(self, stamp_ns: int) -> SelfReports | None:
-        """Return the reports up to a stamp that are not too old; None without any."""
+        """Return the reports up to a stamp, and those of wrong times; None without any.
+
+        The latter, too old or ahead, are counted as dropped: they show that their transmitters are
+        on, and nothing else.
+        """
         if not self._waiting:
             return None
         found = SelfReports.concatenate(self._waiting)
@@ -303,7 +307,7 @@ class WaitingReports:
                 self.dropped[reason] += int(mask.sum())
         later = np.flatnonzero((age_ns < 0) & ~ahead)
         self._waiting = [found.take(later)] if len(later) else []
-        due = np.flatnonzero((age_ns >= 0) & ~old)
+        due = np.flatnonzero((age_ns >= 0) | ahead)
         return found.take(due) if len(due) else None
 
     def take_dropped(self) -> Counter[str]:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, frozen, matches
+from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, frozen, matches
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import Estimates
 from ..types.reports import NAME_SIZE, SelfReports
 from . import bias, judgement, silence
-from .batches import Tables, batch_of, chains_of, describe_sources, selected
+from .batches import Tables, batch_of, chains_of, describe_sources, keys_of, selected
 from .looks import moments, take_look
 from .model import MOST_PAIRS, MOST_SOURCES, RELIABILITY, Receiver, Reliability
 from .owners import NUMBERED, OWN_LABELS, owner_probabilities, with_public
@@ -84,9 +84,17 @@ class SelfReporting(LayerState):
     # Reports
 
     def with_reports(self, reports: SelfReports, stamp_ns: int) -> SelfReporting:
-        """Return the layer after reports up to a stamp, in any order."""
-        layer = self._without_silent(stamp_ns)
-        reports = selected(reports)
+        """Return the layer after what receivers heard up to a stamp, in any order.
+
+        Reports that are older than their receiver allows, or of a later time, say only that their
+        transmitters are on: a clock that stands still makes no ship dark.
+        """
+        age_s = (stamp_ns - reports.time_ns) * 1e-9
+        oldest_s = np.array([each.max_age_s for each in self.receivers])[reports.receiver]
+        timely = (age_s >= 0.0) & (age_s <= oldest_s)
+        layer = self._with_signs_of(reports.take(np.flatnonzero(~timely)), stamp_ns)
+        layer = layer._without_silent(stamp_ns)
+        reports = selected(reports.take(np.flatnonzero(timely)))
         if not len(reports):
             return layer
         batch = batch_of(reports, layer.receivers)
@@ -126,6 +134,19 @@ class SelfReporting(LayerState):
             ),
         )
         return layer._kept()._with_owners(stamp_ns)._heard_at(kept)
+
+    def _with_signs_of(self, reports: SelfReports, stamp_ns: int) -> SelfReporting:
+        """Return the layer with the sources that are on, of reports with wrong times."""
+        sources = self.sources
+        on = np.isin(
+            keys_of(sources.address, sources.space), keys_of(reports.address, reports.space)
+        )
+        on &= sources.address != UNKNOWN
+        if not on.any():
+            return self
+        return self.changed(
+            sources=frozen(sources._replace(on_ns=np.where(on, stamp_ns, sources.on_ns)))
+        )
 
     @property
     def _rules(self) -> Reliability:
@@ -296,7 +317,7 @@ class SelfReporting(LayerState):
     def _without_silent(self, stamp_ns: int) -> SelfReporting:
         """Return the layer without sources that are silent for long, and within their bound."""
         sources = self.sources
-        keep = stamp_ns - sources.last_ns <= KEPT_S * 1e9
+        keep = stamp_ns - np.maximum(sources.last_ns, sources.on_ns) <= KEPT_S * 1e9
         most = MOST_SOURCES - MOST_SOURCES // 10
         if np.count_nonzero(keep) > most:
             owned = self.owned > OWNED

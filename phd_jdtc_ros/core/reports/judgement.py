@@ -51,7 +51,7 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     row, source = matches(sources.number, tracks.heard)
     same = sources.space[source] == receiver.space
     row, source = row[same], source[same]
-    begin_ns[row] = tracks.heard_ns[row]
+    begin_ns[row] = np.maximum(tracks.heard_ns[row], sources.on_ns[source])
     # A source that certainly owns another track has probably never reported this one.
     owner = sources.owner[source]
     same = ~np.isin(owner, tracks.label) | (owner == tracks.label[row])

@@ -143,7 +143,7 @@ def _write_source(
     sources.first_ns[row] = sources.last_ns[row] = batch.time_ns[report]
     sources.gap_s[row] = batch.gap_s[report]
     sources.reports[row] = sources.looks[row] = 0
-    sources.left_ns[row] = sources.looked_ns[row] = 0
+    sources.left_ns[row] = sources.looked_ns[row] = sources.on_ns[row] = 0
     sources.owner[row] = sources.public[row] = -1
     sources.ahead[row, 0] = sources.ahead[row, 1] = 0.0
     mean, covariance, size = sources.mean[row], sources.covariance[row], batch.components[report]

@@ -34,6 +34,8 @@ class Sources(NamedTuple):
     receiver: Annotated[IntArray, integers("S", 0, 1 << 16)]  # That heard it last
     first_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # Time of its first report
     last_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]  # And of its last one
+    # When it last sent a report of a wrong time, which shows no more than that it is on.
+    on_ns: Annotated[IntArray, integers("S", 0, MAX_STAMP_NS)]
     # The ghost: position and velocity as its reports alone show them, at `last_ns`, and the error
     # of the velocities that they say.
     mean: Annotated[FloatArray, floats("SH", -MAX_STATE, MAX_STATE)]

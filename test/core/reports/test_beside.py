@@ -418,6 +418,28 @@ def test_times_that_stand_still_are_one_report():
     assert sources.reports.tolist() == [1]
 
 
+def test_a_clock_that_stands_still_makes_no_ship_dark():
+    scene, ship = turns(2), KINDS.index(OK)
+    address, stopped_ns = 1001 + ship, START_NS + round(100.0 * 1e9)
+
+    def still(turn):
+        told = turn.reports
+        late = (told.address == address) & (told.time_ns > stopped_ns)
+        return told.changed(time_ns=np.where(late, stopped_ns, told.time_ns))
+
+    def off(turn):
+        told = turn.reports
+        late = (told.address == address) & (told.time_ns > stopped_ns)
+        return told.take(np.flatnonzero(~late))
+
+    dark = []
+    for reports in (still, off):
+        last = fed(new_pipeline(configured()), scene, reports)[0][-1]
+        dark.append(last.reports.dark[nearest(last, scene[-1].truth[ship])])
+    assert dark[0] < 0.1
+    assert dark[1] > ALARM
+
+
 def test_one_ship_with_two_addresses_and_two_ships_with_one():
     scene, pipeline = turns(2, 200.0, kinds=(OK, CLONE, CLONE)), new_pipeline(configured())
 
