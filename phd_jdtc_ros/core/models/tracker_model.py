@@ -87,11 +87,13 @@ class TrackerModel(ReadOnly):
 
     @cached_property
     def noise_density(self) -> float:
-        """Mean spectral density of the acceleration of targets in the plane, m^2/s^3."""
-        modes = self.modes
-        axes = list(modes.space.velocity)
-        by_mode = modes.noise(1.0)[:, axes, axes].mean(axis=1)
-        return float((modes.motion_share * by_mode).sum() / len(modes.classes))
+        """Spectral density of the acceleration of targets in the plane, m^2/s^3.
+
+        It is that of their liveliest motion: a mean over all would be too small in manoeuvres,
+        which are rare.
+        """
+        axes = list(self.modes.space.velocity)
+        return float(self.modes.noise(1.0)[:, axes, axes].mean(axis=1).max())
 
     @cached_property
     def measures_heights(self) -> bool:

@@ -121,6 +121,17 @@ def test_straight_ways_are_no_evidence_against_owners():
             assert estimates.reports.owned[nearest(estimates, place)] > ALARM
 
 
+def test_pairs_follow_the_liveliest_motion_however_rare_it_is():
+    rare = {
+        "motions": ["cv", "hard"],
+        "hard.model": "constant_velocity",
+        "hard.noise_density": 3.0,
+        "ship.motions": ["cv", "hard"],
+        "ship.mode_transition": [0.999, 0.001, 0.2, 0.8],
+    }
+    assert configured(rare).model.noise_density == pytest.approx(3.0)
+
+
 def test_a_source_is_tentative_while_a_radar_may_still_confirm_it():
     """It is so too if it is silent after its first two reports, and then does not coast."""
     pipeline, scene = new_pipeline(configured({"ais.identity": "icao"})), turns(6, 20.0, [OK] * 6)
