@@ -512,7 +512,8 @@ def unspecified(found: Mapping[str, Findings]) -> dict[str, Any]:
         "lag_s": round_to_std(LAG_LOOKS * look_s, 0.1 * look_s),
         "classes": ["target"],
         "births": [],
-        "detection_births.rates": [0.2],
+        # In a look of a fast sensor hardly any target is new: a false detection is no target there.
+        "detection_births.rates": [round(0.2 * min(look_s, 1.0), 4)],
         "detection_births.std": [round_to_std(SPEED_MARGIN * first.speed_std, 0.1), 0.02],
         "spawn.rate": 0.0,
         "target.survival_probability": _survival_probability(found, look_s),

@@ -438,6 +438,12 @@ def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimat
     assert levels == [2.0, 2.0, 90.0]
 
 
+@pytest.mark.parametrize(("look_s", "rate"), [(4.0, 0.2), (1.0, 0.2), (0.1, 0.02)])
+def test_new_targets_are_expected_by_the_second_where_looks_are_frequent(estimated, look_s, rate):
+    found = replace(estimated[1], timing=Timing(look_s))
+    assert proposal.unspecified({"lidar": found})["detection_births.rates"] == [rate]
+
+
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     _, found = estimated
     values = proposal.unspecified({"tower": found, "other": found})
