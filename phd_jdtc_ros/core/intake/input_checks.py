@@ -36,8 +36,8 @@ REPEATED = "reports_repeated"
 NO_SECTORS = "sectors_not_configured"
 # Finding: a report is nearly a copy of the one before, with other rounding or a little noise.
 NEARLY_REPEATED = "reports_nearly_repeated"
-# No detection of a near copy is farther from those of the report before than this share of what it
-# was in one of the two reports before. At least this share of the reports are near copies, of at
+# No detection of a near copy is farther from those of the report before than this share of what
+# their median was in one of the two reports before. At least this share of the reports are near copies, of at
 # least so many that can be compared.
 NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 # Number of reports that are compared, and of those from which they are the first: it takes time.
@@ -82,10 +82,11 @@ class NearCopies:
         before, self._before = self._before, place
         if not len(place) or not len(before):
             return False
-        farthest = float(_tree(before).query(place)[0].max())
+        apart = np.sort(_tree(before).query(place)[0])
         # Coarse measurements of targets at rest are often equal.
-        near = len(place) == len(before) and 0.0 < farthest < NEAR * max(self._distances)
-        self._distances = self._distances[1], farthest
+        near = len(place) == len(before) and 0.0 < apart[-1] < NEAR * max(self._distances)
+        # Single false detections are far from those before.
+        self._distances = self._distances[1], float(apart[(len(apart) - 1) // 2])
         self.compared += 1
         self.copies += near
         return near

@@ -86,6 +86,18 @@ def test_looks_in_quick_succession_at_near_targets_are_no_copies(velocity):
     assert not noticed(check_of(), of_targets(range(100), 3, 0.0, velocity, 3))
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_misses_and_rare_false_detections_make_no_copies(seed):
+    rng, reports = np.random.default_rng(seed), []
+    for time in np.arange(0.0, 10.0, 0.1):
+        place = np.array([[900.0 + 12.0 * time, 0.1], [2e3 - 9.0 * time, 1.0]])
+        place += rng.normal(0.0, [0.2, 1e-4], (2, 2))
+        false = rng.uniform([0.0, -3.0], [5e3, 3.0], (rng.poisson(0.3), 2))
+        seen = place[rng.random(2) < 0.9]
+        reports.append(Detections(np.concatenate([seen, false]), None))
+    assert not noticed(check_of(), reports)
+
+
 def test_a_report_that_repeats_the_one_before_is_noticed():
     reports = uniform(20, 5)
     twice = [report for each in reports for report in (each, at(each.measurement[:, 1]))]
