@@ -37,8 +37,8 @@ NO_SECTORS = "sectors_not_configured"
 # Finding: a report is nearly a copy of the one before, with other rounding or a little noise.
 NEARLY_REPEATED = "reports_nearly_repeated"
 # No detection of a near copy is farther from those of the report before than this share of what
-# their median was in one of the two reports before. At least this share of the reports are near copies, of at
-# least so many that can be compared.
+# their median was in one of the two before. At least this share of the reports are near copies,
+# of at least so many that can be compared.
 NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 # Number of reports that are compared, and of those from which they are the first: it takes time.
 COMPARED, COMPARED_OF = 100, 1000
