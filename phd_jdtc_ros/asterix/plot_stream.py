@@ -87,7 +87,7 @@ class BlockReader:
         more blocks of the source had alone.
         """
         known = records.readers(category)
-        if len(known) < 2:
+        if len(known) < 2 or begin == end:
             return known[0] if known else None
         fitting = [each for each in known if each.fits(data, begin, end)]
         if not fitting:

@@ -218,3 +218,10 @@ def test_stream_may_stop_anywhere(sectors, delay_s):
         assert all(a < b for a, b in itertools.pairwise(stamps_s))
         plots = sum(len(report.plots) for _, report in before + last + after)
         assert plots == sum(data[0] == 48 for _, data in messages)
+
+
+@pytest.mark.parametrize("category", range(256))
+def test_a_block_without_a_record_has_no_report_and_ends_nothing(category):
+    stream = PlotStream({})
+    assert not stream.feed(bytes([category, 0, 3]), 10**18, "radar to group")
+    assert not stream.radars
