@@ -46,7 +46,7 @@ WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
     "lines of the product": 77_881,
-    "files of the product": 406,
+    "files of the product": 408,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 11.9,
     f"functions with {MANY} parameters or more": 1,
@@ -54,9 +54,9 @@ LIMITS: Mapping[str, float] = {
     "imports of models of the world": 18,
     "public members of Sensor": 29,
     "circles of imports": 0,
-    "files that a scan enters": 72,
+    "files that a scan enters": 74,
     "Python calls in a scan": 1_035,
-    "returns in a scan": 904,
+    "returns in a scan": 914,
 }
 
 

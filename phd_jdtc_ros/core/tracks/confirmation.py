@@ -23,8 +23,7 @@ The thresholds come from `reporting_rule`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -44,9 +43,9 @@ from ..snapshot import (
     integers,
     to_snapshot,
 )
-from ..targets import stationary
-from ..targets.amplitude_density import of_classes
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
+from .coverage import missed_and_spread, stationary_probability
+from .past_states import NotedStates, PastStates
 from .reporting_rule import MIN_EXISTENCE, ReportingRule
 
 # Upper bound of counts and factors in a snapshot.
@@ -410,145 +409,3 @@ class TrackStates:
         """
         self._records = frozen(from_snapshot(ConfirmationRecords, snapshot, "tracks", {}))
         self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))
-
-
-class NotedStates(NamedTuple):
-    """Snapshot of `PastStates`; all columns (T,)."""
-
-    stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
-    label: Annotated[IntArray, integers("T", 0)]
-    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
-
-
-@dataclass(frozen=True)
-class PastStates:
-    """States of filtered tracks whose stamps may still be smoothed."""
-
-    # State by stamp and then label; the stamps ascend.
-    at: Mapping[int, Mapping[int, int]] = field(default_factory=dict)
-    # Latest stamp at which each label had a state.
-    latest_ns: Mapping[int, int] = field(default_factory=dict)
-
-    def labels_since(self, stamp_ns: int) -> IntArray:
-        """Return the labels that have a state at a stamp from this one on, ascending."""
-        labels = [label for label, latest_ns in self.latest_ns.items() if latest_ns >= stamp_ns]
-        return np.array(sorted(labels), dtype=np.int64)
-
-    def then(self, published: Estimates) -> PastStates:
-        """Return these states, and those of estimates of a later stamp."""
-        stamp_ns, label = published.stamp_ns, published.track_id.tolist()
-        states = dict(zip(label, published.track_state.tolist(), strict=True))
-        latest_ns = {**self.latest_ns, **dict.fromkeys(label, stamp_ns)}
-        return PastStates({**self.at, stamp_ns: states}, latest_ns)
-
-    def since(self, stamp_ns: int) -> PastStates:
-        """Return the states from a stamp on."""
-        return PastStates(
-            {stamp: states for stamp, states in self.at.items() if stamp >= stamp_ns},
-            {label: stamp for label, stamp in self.latest_ns.items() if stamp >= stamp_ns},
-        )
-
-    def states(self, estimates: Estimates) -> IntArray:
-        """Return the states of tracks at the stamp of their estimates; without one, tentative.
-
-        Estimates without labels are confirmed.
-        """
-        label, noted = estimates.track_id.tolist(), self.at.get(estimates.stamp_ns, {})
-        state = {**dict.fromkeys(label, TENTATIVE), 0: CONFIRMED, **noted}
-        return np.array([state[track_id] for track_id in label], dtype=np.int64)
-
-    @property
-    def columns(self) -> NotedStates:
-        """The states as columns."""
-        rows = [
-            (stamp_ns, *pair) for stamp_ns, states in self.at.items() for pair in states.items()
-        ]
-        return NotedStates(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
-
-    @staticmethod
-    def of(columns: NotedStates) -> PastStates:
-        """Return the states of columns."""
-        at: dict[int, dict[int, int]] = {}
-        latest_ns: dict[int, int] = {}
-        for stamp_ns, label, state in zip(*(column.tolist() for column in columns), strict=True):
-            at.setdefault(stamp_ns, {})[label] = state
-            latest_ns[label] = max(stamp_ns, latest_ns.get(label, 0))
-        return PastStates(at, latest_ns)
-
-
-def missed_and_spread(
-    estimates: Estimates, scan: Scan, model: TrackerModel, views: Sequence[View]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the probability that no sensor of a scan detects each target, and its spread, (T,).
-
-    The probability depends on the target's class, and on its density at the sensors' poses at the
-    scan: what of it is outside the coverage is not missed, and nothing is if most of it is outside.
-    The spread is the geometric mean, over the components of a measurement, of the density's
-    standard deviation in standard deviations of the noise; it is that by the sensor for which it is
-    smallest, NaN without any. `views` has what is expected of each sensor of the model.
-    """
-    missed = np.ones(len(estimates))
-    spread = missed * np.nan
-    for view, report in zip(views, scan.detections, strict=True):
-        if report is None:
-            continue
-        sensor = view.sensor.at(report.pose)
-        gaussians = estimates.state[:, None], estimates.covariance[:, None]
-        expected = sensor.of_gaussians.expected(*gaussians)
-        measured, std = expected.measured[:, 0], expected.std[:, 0]
-        detected = sensor.visibility.detection_probability(measured, std)
-        if detected is None:
-            detected = of_classes(sensor.threshold, model.modes.classes)[estimates.class_id]
-        detected = view.detection_probability_at(detected, measured)
-        area = np.multiply.reduce(std / sensor.noise_std, axis=1)
-        spread = np.fmin(spread, area ** (1.0 / len(sensor.noise_std)))
-        covered = sensor.visibility.coverage_probability(
-            measured, report.coverage, sensor.noise_std, std
-        )
-        # Share of a density that is covered at least where its target counts as covered.
-        least_covered = 0.5
-        missed *= 1.0 - np.where(covered < least_covered, 0.0, covered) * detected
-    return missed, spread
-
-
-def stationary_speed(views: Sequence[View]) -> float:
-    """Return the speed below which a target is clutter to every sensor, m/s; 0 if there is none.
-
-    To a sensor without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.
-    """
-    maps = [view.fixed_clutter for view in views]
-    return min([0.0 if each is None else each.speed for each in maps], default=0.0)
-
-
-def stationary_probability(
-    estimates: Estimates, model: TrackerModel, views: Sequence[View]
-) -> FloatArray:
-    """Return the probability that each target is stationary, and so clutter to all sensors, (T,).
-
-    It is 0 if a sensor has no clutter map, or tracks stationary targets. While the velocity is
-    unknown it is one half away from fixed clutter, see `stationary`, and larger among fixed
-    clutter: the odds are divided by the probability that the neighbourhood has none.
-    """
-    bound = stationary_speed(views)
-    if bound == 0.0:
-        return np.zeros(len(estimates))
-    covariance = estimates.velocity_covariance
-    slower = stationary.probability_slower(estimates.velocity, covariance, bound)
-    without_reflectors = model.detection_births.stationary(slower, bound)
-    return stationary.among_reflectors(without_reflectors, _among_reflectors(estimates, views))
-
-
-def _among_reflectors(estimates: Estimates, views: Sequence[View]) -> FloatArray:
-    """Return the probability that all sensors have fixed clutter around each target, (T,).
-
-    Only sensors that see the place count; 0 if none does.
-    """
-    excess = []
-    for view in views:
-        if (clutter := view.fixed_clutter) is None:
-            excess.append(np.zeros(len(estimates)))
-        else:
-            measured = view.sensor.measure(estimates.state)
-            excess.append(clutter.around(view, measured, estimates.position))
-    smallest = np.min(excess, axis=0)
-    return stationary.among_fixed_clutter(np.where(np.isinf(smallest), 0.0, smallest))

@@ -7,17 +7,26 @@ import pytest
 import sweep
 from inner import resolve
 from scenes import seen_with, small
-from track_inputs import MODEL, estimates_of, scan_of, views_of
+from track_inputs import (
+    MODEL,
+    SHARP,
+    beyond,
+    estimates_of,
+    missed_by,
+    scan_of,
+    spread_by,
+    views_of,
+)
 
 from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_and_spread
+from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Coverage, Detections, Pose, Scan
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -26,12 +35,6 @@ INTERVAL = 6 * SECOND
 # Survival probability of a target of the second class, with detection probability 0.88.
 SURVIVAL = 0.99
 SQUARE = Region(-10.0, 0.0, 10.0, 40.0, margin=5.0)
-
-
-def missed_by(scan, model=MODEL):
-    """Return the probability that no radar of a scan detects a target of the second class."""
-    (missed,), _ = missed_and_spread(estimates_of(0, {1: 1.0}), scan, model, views_of(model))
-    return float(missed)
 
 
 # Probability that both radars miss it.
@@ -64,12 +67,6 @@ class Tracks:
 def after_a_miss(existence, missed):
     survived = SURVIVAL * existence
     return survived * missed / (1.0 - survived * (1.0 - missed))
-
-
-def beyond(model, range_m=100.0):
-    """Return the model with radars that see too near to see a target, so that it is not missed."""
-    radars = [replace(r, visibility=replace(r.visibility, max_range=range_m)) for r in model.radars]
-    return replace(model, radars=tuple(radars))
 
 
 KEPT = after_a_miss(0.9999, MISSED)
@@ -132,29 +129,6 @@ def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
         weights.append(after_a_miss(weights[-1], missed))
     assert weights[-1] > 0.7
     assert [tracks.add(t1=weight)[1] for weight in weights[1:]] == [COASTING] * 4
-
-
-def spread_by(covariance, model=MODEL):
-    """Return what `missed_and_spread` says of a density of the second class."""
-    found = estimates_of(0, {1: 1.0}).changed(covariance=np.array([covariance]))
-    (missed,), (spread,) = missed_and_spread(found, scan_of(0), model, views_of(model))
-    return missed, spread
-
-
-SHARP = np.diag([1.0, 1.0, 1.0, 1.0, 1e-6])
-
-
-def test_coverage_is_that_of_the_whole_density():
-    missed, spread = spread_by(SHARP)
-    assert missed == pytest.approx(MISSED, rel=1e-6)
-    # The spread is in standard deviations of the noise, and by area.
-    for factor in (4.0, 9.0):
-        assert spread_by(factor * SHARP)[1] == pytest.approx(np.sqrt(factor) * spread, rel=1e-3)
-    # Of a density within the range of the radars, and of one beyond it, a part is outside.
-    wide = np.diag([1e8, 1.0, 1e8, 1.0, 1e-6])
-    assert spread_by(SHARP, beyond(MODEL, 1e4))[0] == pytest.approx(missed)
-    assert 2.0 * missed < spread_by(wide, beyond(MODEL, 1e4))[0] < 0.5
-    assert spread_by(wide, beyond(MODEL, 3e3))[0] == 1.0
 
 
 @pytest.mark.parametrize("gates", [10.0, 40.0])
@@ -343,25 +317,6 @@ def test_restored_states_go_on():
         t.states.report_smoothed(estimates_of(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
     )
     np.testing.assert_array_equal(ours.track_state, theirs.track_state)
-
-
-def test_missed_counts_radars_that_reported_where_they_were():
-    one = missed_by(replace_report(1, None))
-    assert one == pytest.approx(np.sqrt(MISSED))
-    behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))
-    assert missed_by(replace_report(1, behind)) == one
-    far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
-    away = Detections(np.zeros((0, 2)), None, pose=far)
-    assert missed_by(replace_report(1, away)) == one
-    near = replace(away, pose=Pose((5e3, 100.0), 0.0))
-    assert missed_by(replace_report(1, near)) < one
-
-
-def replace_report(index, report):
-    scan = scan_of(0)
-    reports = list(scan.detections)
-    reports[index] = report
-    return Scan(0, tuple(reports))
 
 
 def test_the_engine_reports_a_missed_target_as_coasting():

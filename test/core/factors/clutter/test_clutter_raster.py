@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.factors.clutter.map import ClutterMap
 from phd_jdtc_ros.core.factors.clutter.raster import MAX_CELLS, raster
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.targets import stationary
-from phd_jdtc_ros.core.tracks.confirmation import stationary_speed
+from phd_jdtc_ros.core.tracks.coverage import stationary_speed
 from phd_jdtc_ros.core.types import Detections, Pose
 
 STD = np.array([10.0, math.radians(0.2)])
