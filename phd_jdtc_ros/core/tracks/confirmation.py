@@ -9,7 +9,9 @@ probability. A track without coverage is no longer reported once its last detect
 limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
 A track whose position is spread over many gates of the sensors is not reported either: a detection
-among the many in its gates says little about it. Its next own detection makes it narrow again.
+among the many in its gates says little about it. Its next own detection makes it narrow again. A
+scan after which a track is still spread over more than one gate has therefore not detected it, even
+if it has made its existence more probable: several detections may be its own. It is coasting.
 
 A target whose most probable class is at rest has a track like any other, but is not reported.
 
@@ -107,6 +109,7 @@ class _Estimated(NamedTuple):
     miss_probability: Float1  # Probability that no radar of the scan detects each, (E,)
     stationary: Float1  # Probability that each is stationary, (E,)
     blurred: Bool1  # Whether each is spread too far to be reported, (E,)
+    resolved: Bool1  # Whether each is spread over one gate at most, as if detected, (E,)
 
 
 class _ScanEvidence(NamedTuple):
@@ -115,6 +118,7 @@ class _ScanEvidence(NamedTuple):
     covered: bool  # True if a detection was likely
     is_detected: bool
     is_missed: bool
+    is_resolved: bool  # False if the track is spread over more than one gate
     since_ns: int  # Time since the last detection
 
 
@@ -162,7 +166,8 @@ def _next_state(
     if not (reported and recent and stationary <= bound):
         return TENTATIVE
     still_coasts = not look.is_detected and previous == COASTING
-    return COASTING if look.is_missed or is_stale or still_coasts else CONFIRMED
+    undetected = look.is_missed or is_stale or still_coasts or not look.is_resolved
+    return COASTING if undetected else CONFIRMED
 
 
 @inner
@@ -207,7 +212,7 @@ def _next_records(
     A detection raises the odds of existence. The odds of a track that is missed are corrected by
     its own record.
     """
-    rows, track_id, estimated, class_of, miss_probability, stationary, blurred = estimates
+    rows, track_id, estimated, class_of, miss_probability, stationary, blurred, resolved = estimates
     label = before.label
     record, found, most = 0, 0, len(label) + len(rows)
     after = ConfirmationRecords(
@@ -252,7 +257,7 @@ def _next_records(
             # A target at the edge of two slices is detected in one of them; the other is no miss.
             same_revolution = stamp_ns - detected_ns < durations.same_revolution
             is_missed = covered and lower and not same_revolution
-        is_detected = not has_record or (covered and not lower)
+        is_detected = not has_record or (covered and not lower and resolved[row])
         pseudo_count = rule.record_weight[class_id]
         if is_missed:
             factor *= (1.0 + missed / pseudo_count) / (1.0 + expected / pseudo_count)
@@ -263,7 +268,8 @@ def _next_records(
             existence = odds * factor / (1.0 + odds * factor)
         if is_detected:
             detected_ns = stamp_ns
-        look = _ScanEvidence(covered, is_detected, is_missed, stamp_ns - detected_ns)
+        since_ns = stamp_ns - detected_ns
+        look = _ScanEvidence(covered, is_detected, is_missed, resolved[row], since_ns)
         believed, still = (existence, weight), stationary[row]
         state = _next_state(previous_state, look, believed, class_id, still, rule, durations)
         if blurred[row]:
@@ -356,6 +362,7 @@ class TrackStates:
             missed,
             stationary_probability(estimates, model, views),
             spread > GATE_SIGMA * rule.coasting_gates,
+            ~(spread > GATE_SIGMA),
         )
         after, count, states, is_reported = _next_records(
             scan.stamp_ns,

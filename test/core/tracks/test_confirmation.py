@@ -22,6 +22,7 @@ from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.sensors.of_gaussians.linearised import GATE_SIGMA
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.region import Region
@@ -32,6 +33,9 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 SECOND = 1_000_000_000
 INTERVAL = 6 * SECOND
+IN_SPACE = resolve(
+    {"amplitude": "band", "state": "space", "radar_1.fields.elevation": "elevation"}
+).model
 # Survival probability of a target of the second class, with detection probability 0.88.
 SURVIVAL = 0.99
 SQUARE = Region(-10.0, 0.0, 10.0, 40.0, margin=5.0)
@@ -48,12 +52,14 @@ class Tracks:
         self.states = TrackStates(rule_of(model, True, **thresholds))
         self.model, self.class_id, self.index = model, class_id, 0
 
-    def add(self, **found):
-        """Report {tN: existence}; return the states of the reported tracks."""
+    def add(self, covariance=None, **found):
+        """Report {tN: existence}, of a covariance; return the states of the reported tracks."""
         self.index += 1
         stamp_ns = self.index * INTERVAL
         given = {int(name[1:]): weight for name, weight in found.items()}
         every = estimates_of(stamp_ns, given, self.class_id, model=self.model)
+        if covariance is not None:
+            every = every.changed(covariance=np.tile(covariance, (len(every), 1, 1)))
         every = every.take(np.flatnonzero(every.weight > self.states.rule.least))
         swept = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
@@ -134,7 +140,7 @@ def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
 @pytest.mark.parametrize("gates", [10.0, 40.0])
 def test_a_track_that_is_spread_too_far_is_not_reported(gates):
     unit = spread_by(SHARP)[1]
-    for share, reported in ((0.9, [CONFIRMED]), (1.1, [])):
+    for share, reported in ((0.9, [COASTING]), (1.1, [])):
         tracks = Tracks(coasting_gates=gates)
         assert tracks.add(t1=0.999) == {1: CONFIRMED}
         width = share * 5.0 * gates / unit
@@ -147,6 +153,21 @@ def test_a_track_that_is_spread_too_far_is_not_reported(gates):
         # Detected again it is narrow, and reported under the same label.
         tracks.index = 2
         assert tracks.add(t1=0.999) == {1: CONFIRMED}
+
+
+@pytest.mark.parametrize(("gates", "state"), [(0.9, CONFIRMED), (1.1, COASTING)])
+@pytest.mark.parametrize("model", [MODEL, IN_SPACE], ids=["plane", "space"])
+def test_a_detection_that_leaves_a_track_wider_than_a_gate_is_not_its_own(model, gates, state):
+    sharp = SHARP if model is MODEL else np.diag([*np.diag(SHARP), 1.0, 1.0])
+    _, unit = spread_by(sharp, model)
+    tracks = Tracks(model=model)
+    assert tracks.add(t1=0.999) == {1: CONFIRMED}
+    wide = (gates * GATE_SIGMA / unit) ** 2 * sharp
+    assert tracks.add(wide, t1=0.9999) == {1: state}
+    # The smoother says of that stamp what the filter said.
+    smoothed = tracks.states.report_smoothed(estimates_of(2 * INTERVAL, {1: 0.999}, model=model))
+    assert smoothed.track_state.tolist() == [state]
+    assert tracks.add(t1=0.9999) == {1: CONFIRMED}
 
 
 @pytest.mark.parametrize(("hidden", "reported"), [(4, 4), (14, 10)])

@@ -17,8 +17,9 @@ SHARP = np.diag([1.0, 1.0, 1.0, 1.0, 1e-6])
 
 def scan_of(stamp_ns, model=MODEL):
     """Return a scan in which no radar detects anything."""
-    empty = Detections(np.zeros((0, 2)), np.zeros(0))
-    return Scan(stamp_ns, tuple(empty for _ in model.radars))
+    sizes = (len(radar.noise_std) for radar in model.radars)
+    empty = (Detections(np.zeros((0, size)), np.zeros(0)) for size in sizes)
+    return Scan(stamp_ns, tuple(empty))
 
 
 def views_of(model=MODEL):
@@ -49,7 +50,7 @@ def missed_by(scan, model=MODEL):
 
 def spread_by(covariance, model=MODEL):
     """Return what `missed_and_spread` says of a density of the second class."""
-    found = estimates_of(0, {1: 1.0}).changed(covariance=np.array([covariance]))
+    found = estimates_of(0, {1: 1.0}, model=model).changed(covariance=np.array([covariance]))
     (missed,), (spread,) = missed_and_spread(found, scan_of(0), model, views_of(model))
     return missed, spread
 
