@@ -79,7 +79,7 @@ class Module:
         known, found = frozenset(names), set()
         for imported in self._imported_names():
             module = imported
-            while module and module not in known:  # a name in a module, not a module
+            while module and module not in known:  # A name in a module is none.
                 module = module.rpartition(".")[0]
             found.add(module)
         return found - {"", self.name}

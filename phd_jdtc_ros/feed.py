@@ -195,7 +195,7 @@ class Feed:
     def _monitor(self, events: Iterable[Event]) -> Iterator[Event]:
         """Yield each event, and then show it to the monitors; at the end report the drops."""
         for event in events:
-            yield event  # first, because estimates must not wait for the monitors
+            yield event  # Estimates must not wait for the monitors.
             for monitor in self._monitors:
                 if isinstance(event, RunEnded):
                     monitor.forget_tracks()

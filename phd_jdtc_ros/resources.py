@@ -61,7 +61,7 @@ def find(relative: Path) -> Path:
 def bag(given: str | Path) -> Path:
     """Return the path of a bag, given by its path or a shipped name, or raise `BagError`."""
     path = Path(given)
-    # os.path answers for names that are too long too, for which pathlib raises.
+    # For names that are too long pathlib raises, and os.path answers.
     if os.path.exists(path) or len(path.parts) != 1:
         return path
     shipped = find(Path("bags") / path)

@@ -116,7 +116,7 @@ def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
 
 
 def table(title: str, figures: Sequence[Figure]) -> Table:
-    """Return the table."""
+    """Return measured figures beside their goals as a table."""
     found = Table(title=title, show_lines=True)
     for heading in ("figure", "goal", "measured", "reached"):
         found.add_column(heading, overflow="fold")

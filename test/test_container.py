@@ -59,7 +59,7 @@ def test_packages_are_those_of_the_manifest():
 
 def test_pip_installs_what_ubuntu_lacks():
     debian = {package.removeprefix("python3-") for package in installed("dependencies", "apt-get")}
-    # mcap-ros2-support brings these; a ROS installation has the build tools.
+    # The first four come with mcap-ros2-support; a ROS installation has the build tools.
     brought = {"mcap", "lz4", "zstandard", "setuptools", "pyyaml"}
     expected = {*REQUIREMENTS} - debian - brought | PIP_KEYS
     assert {*installed("dependencies", "pip")} == expected

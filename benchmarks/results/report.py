@@ -39,7 +39,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def markdown(given: Iterable[Table]) -> str:
-    """Return the tables in Markdown."""
+    """Return tables in Markdown, without colours and styles."""
     lines: list[str] = []
     for table in given:
         columns = [

@@ -46,7 +46,7 @@ def estimates(source: str, tracker: str = TRACKER) -> str:
 
 
 def tracker_of(estimates_topic: str) -> str:
-    """Return the tracker of a topic of `estimates`."""
+    """Return the full name of the tracker's node, given its topic of `estimates`."""
     return estimates_topic.rsplit("/", 2)[0]
 
 

@@ -70,7 +70,7 @@ def to_cdr(
             fields,
             struct.pack("<II", points.nbytes, points.nbytes),
             points.tobytes(),
-            b"\x01",  # is_dense
+            b"\x01",  # The flag is_dense.
         )
     )
 

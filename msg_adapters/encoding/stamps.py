@@ -32,7 +32,7 @@ def to_iso(stamp_ns: int) -> str:
 
 
 def header(stamp_ns: int, frame: str) -> Header:
-    """Return a header."""
+    """Return a header with a stamp, nanoseconds since 1970, and a frame."""
     return Header(stamp=from_ns(stamp_ns), frame_id=frame)
 
 

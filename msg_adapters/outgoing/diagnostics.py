@@ -46,7 +46,7 @@ def _text_of(value: object) -> str:
 
 
 def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
-    """Return an array of statuses."""
+    """Return statuses as one message, at a stamp in nanoseconds."""
     return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
 
 

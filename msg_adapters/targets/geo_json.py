@@ -100,12 +100,12 @@ def level(height: float) -> dict[str, int]:
 
 
 def collection(features: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return a feature collection."""
+    """Return features as a FeatureCollection of RFC 7946."""
     return {"type": "FeatureCollection", "features": list(features)}
 
 
 def feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
-    """Return a feature."""
+    """Return a geometry and its properties as a Feature of RFC 7946."""
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 

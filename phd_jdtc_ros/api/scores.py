@@ -194,9 +194,10 @@ def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
     if "label" not in table:
         return table
     label = table["label"]
-    if label.dtype.kind == "O":  # a data frame with names, and nothing where a row has none
+    # Labels of a data frame may be names, with nothing where a row has none.
+    if label.dtype.kind == "O":
         label = np.array(["" if each is None or each != each else str(each) for each in label])
-    texts = label.dtype.kind == "U"  # a CSV file has texts
+    texts = label.dtype.kind == "U"  # Those of a CSV file are.
     none = label == "" if texts else label != label
     if not zero_is_label:
         none |= label == ("0" if texts else 0)

@@ -246,7 +246,7 @@ def _unrolled(name: str, columns: Columns, seconds: FloatArray) -> FloatArray:
     steps = np.diff(seconds)
     for turn, what in clocks.items():
         large = steps[np.abs(steps) > 0.5 * turn]
-        if not (large < 0.0).any() or seconds.max() > turn + 1.0:  # a leap second
+        if not (large < 0.0).any() or seconds.max() > turn + 1.0:  # One is a leap second.
             continue
         found = np.unwrap(seconds, period=turn)
         # The clock began again only if the step back is a whole turn of it within this share, and
@@ -272,7 +272,7 @@ def rows_by_stamp(stamps: IntArray) -> list[IntArray]:
 
 def _since_1970(value: Any) -> Any:
     """Convert a date of Python or pandas to seconds since 1970; the default time zone is UTC."""
-    if not isinstance(value, datetime) or value != value:  # pandas' NaT is a datetime
+    if not isinstance(value, datetime) or value != value:  # NaT of pandas is a datetime.
         return value
     return (value if value.tzinfo else value.replace(tzinfo=timezone.utc)).timestamp()
 

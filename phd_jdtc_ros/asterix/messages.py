@@ -32,7 +32,7 @@ NORTH, SECTOR = 1, 2
 
 
 class Plot(NamedTuple):
-    """One plot."""
+    """One plot of a radar, whichever category its record is of."""
 
     radar: int  # SAC in the upper, SIC in the lower eight bits
     time_of_day: int  # UTC, 1/128 s, modulo `period`; `NONE` if unknown

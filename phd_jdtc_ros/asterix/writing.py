@@ -171,10 +171,10 @@ class TrackReport:
 
     number: int  # From 0 to 65535
     position: tuple[float, float]  # In the system plane, x east and y north, m
-    velocity: tuple[float, float]  # m/s
+    velocity: tuple[float, float]  # In the same plane, m/s
     geodetic: tuple[float, float] | None = None  # Latitude and longitude, degrees
-    height: float = math.nan  # m; NaN if unknown
-    climb: float = math.nan  # m/s; NaN if unknown
+    height: float = math.nan  # Metres; NaN if unknown
+    climb: float = math.nan  # Upwards, m/s; NaN if unknown
     code: int = NONE
     address: int = NONE
     course: int = UNKNOWN  # `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`
@@ -191,8 +191,8 @@ class TrackReport:
     position_std: tuple[float, float] = (0.0, 0.0)  # Standard deviations along x and y, m
     velocity_std: tuple[float, float] = (0.0, 0.0)  # Standard deviations along x and y, m/s
     covariance: float = 0.0  # Covariance of x and y, square metres
-    height_std: float = math.nan  # m; NaN if unknown
-    climb_std: float = math.nan  # m/s; NaN if unknown
+    height_std: float = math.nan  # Metres; NaN if unknown
+    climb_std: float = math.nan  # Metres per second; NaN if unknown
     call_sign: int = NONE
     # Altitude in the standard atmosphere, m; NaN if unknown, or if it is the height.
     pressure_altitude: float = math.nan

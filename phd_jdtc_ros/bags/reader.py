@@ -195,7 +195,7 @@ class PartReading:
     reason: str = ""  # Why the last chunk or message was lost
 
     def topic(self, message: Message) -> str:
-        """Return the topic of a message."""
+        """Return the topic of a message of this part, by its channel."""
         return self.part.index.channels[message.channel_id].topic
 
     def messages(

@@ -35,7 +35,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 # Beginning of a message that rosbag2 has compressed by itself; CDR begins with a zero.
 _ZSTD = b"\x28\xb5\x2f\xfd"
-RECORD_HEAD = 9  # opcode and length
+RECORD_HEAD = 9  # The opcode and the length.
 # Upper bound of a piece, packed or unpacked, bytes; rosbag2's largest chunks have 4 MiB.
 MAX_CHUNK = 64 * 2**20
 
@@ -301,7 +301,7 @@ class Index:
             raise DamageError("two of its records define a channel or a type differently")
 
     def add_chunk(self, offset: int, length: int, messages: Sequence[Message]) -> None:
-        """Add a chunk with its messages."""
+        """Count the messages of a chunk; note its place, bytes, if it has any."""
         for message in messages:
             self._count(message.channel_id, message.log_time)
         if messages:

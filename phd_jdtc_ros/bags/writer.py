@@ -17,7 +17,7 @@ from phd_jdtc_ros import interruption
 from phd_jdtc_ros.bags import BagError
 
 METADATA = "metadata.yaml"
-# rosbag2's infinite duration.
+# The infinite duration of rosbag2.
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 
 

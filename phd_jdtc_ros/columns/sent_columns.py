@@ -85,7 +85,7 @@ COMMON: Mapping[str, Callable[[Detections, int, Sent], npt.NDArray[Any]]] = {
         fill(own.detection_type, len(own), 0.0), 0
     ).astype(np.uint8),
 }
-# And those of a radar.
+# A radar has the common columns and these.
 _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[Any]]] = {
     **COMMON,
     "sector": _sector,

@@ -27,7 +27,7 @@ S = TypeVar("S", bound=SensorParameters)
 
 @dataclass(frozen=True)
 class SensorKind(Generic[S]):
-    """A kind of sensor."""
+    """What a value of a sensor's parameter `kind` stands for."""
 
     parameters: type[S]
     # None for a receiver of self-reports, which is no sensor of the engine.

@@ -22,7 +22,7 @@ Int2 = Annotated[IntArray, 2]
 Bool1 = Annotated[BoolArray, 1]
 # Marks an unknown code, address or type.
 UNKNOWN = -1
-# scipy ships no type information.
+# No type information comes with scipy.
 SparseArray = Any
 # Smallest positive normal number: a lower bound of divisors, and of arguments of logarithms.
 TINY = float(np.finfo(np.float64).tiny)

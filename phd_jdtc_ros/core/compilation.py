@@ -223,7 +223,7 @@ def _type_of(hint: Any, readonly: bool = True) -> Any:
     """Return numba's type of a parameter."""
     if hint in _NUMBERS:
         return getattr(numba.types, _NUMBERS[hint])
-    if isinstance(hint, type):  # a named tuple
+    if isinstance(hint, type):  # It is a named tuple.
         fields = get_type_hints(hint, include_extras=True).values()
         types = [_type_of(field, readonly) for field in fields]
         return numba.types.BaseTuple.from_types(types, hint)

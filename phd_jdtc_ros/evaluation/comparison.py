@@ -148,7 +148,7 @@ class PointSet:
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
-        """Return the points of targets or estimates."""
+        """Return true targets, or estimates with what is known of them, as points."""
         covariance, heights, coasting, in_space = None, None, None, None
         if isinstance(targets, Truth):
             heights = targets.height

@@ -213,8 +213,8 @@ class Evaluation:
     """
 
     classes: int
-    cutoff: float  # c of OSPA and GOSPA, metres
-    order: float  # p of OSPA and GOSPA
+    cutoff: float  # The cutoff c of OSPA and GOSPA, metres
+    order: float  # The order p of OSPA and GOSPA
     # Number of scans whose truth, unpaired estimates and scores are kept, which bounds the memory;
     # None keeps all. The summary always covers the whole run.
     keep: int | None = None

@@ -30,7 +30,7 @@ LONGEST_S = 600.0
 
 @dataclass(frozen=True)
 class TrackerParameters:
-    """Parameters of each tracker."""
+    """Parameters of each tracker whose estimates are joined."""
 
     region: list[float] = parameter(
         [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."

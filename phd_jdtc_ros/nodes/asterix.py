@@ -66,7 +66,7 @@ def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -
 
 
 def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
-    """Return the status of a radar."""
+    """Return the status of a radar by its number: what was read, and how its clock is off."""
     offset_s, shift_s = state.clock.offset_s, state.clock.shift_ns * 1e-9
     values = {
         "plots": state.plots,

@@ -114,7 +114,7 @@ class Recorder:
                 self._bag.add_topic(Topic(topic, self._undeclared.pop(topic)))
             self._bag.write(topic, data, self._clock.now().nanoseconds)
             self.written[topic] += 1
-        except BagError as error:  # a full disk ends the recording, not the node
+        except BagError as error:  # A full disk ends the recording, not the node.
             self._bag = None
             self._logger.error(f"recording stopped: {error}")
 

@@ -29,7 +29,7 @@ Sections: TypeAlias = "tuple[tuple[str, dict[str, Any]], ...]"
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """A parameter file."""
+    """A parameter file as nodes read it: sections of parameters by name of the node."""
 
     # Beginning of the paths of the files that launch writes.
     _OF_LAUNCH = f"{tempfile.gettempdir()}/launch_params_"

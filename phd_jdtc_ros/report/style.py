@@ -55,7 +55,7 @@ def class_line(class_id: int) -> Line:
 
 
 def class_marker(class_id: int) -> str:
-    """Return the marker of a class."""
+    """Return the marker of a class; they repeat where there are more classes."""
     return MARKERS[class_id % len(MARKERS)]
 
 

@@ -145,7 +145,7 @@ class Case:
     # Parameters of the tracker by dotted name; they also define the scenario's radars.
     parameters: dict[str, Any]
     classes: int
-    cutoff: float | None = None  # c of OSPA and GOSPA, metres; None for the study's
+    cutoff: float | None = None  # The c of OSPA and GOSPA, metres; None for the study's
     ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
     # Share of the requested runs, above 0 and at most 1, for expensive cases.
     run_share: float = 1.0
@@ -194,7 +194,7 @@ class Study:
     variants: tuple[Variant, ...]
     goals: tuple[Goal, ...]
     assigned: dict[str, Any]  # Parameters that replace those of cases and variants
-    cutoff: float = CUTOFF  # c of OSPA and GOSPA, metres, in cases without their own
+    cutoff: float = CUTOFF  # The c of OSPA and GOSPA, metres, in cases without their own
     # Variants that name an engine other than the assigned one, with the reasons.
     left_out: Mapping[str, str] = field(default_factory=dict)
 

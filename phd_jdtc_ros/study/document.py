@@ -242,7 +242,7 @@ def _goal(
     variants: Iterable[str],
     faults: list[str],
 ) -> Goal:
-    """Return a goal."""
+    """Return a goal of a study file; its faults are appended."""
     prefix = f"goals[{index}]."
     words = {"case": cases, "variant": variants, "figure": FIGURES}
     if given.get("relative_to") is not None:

@@ -45,7 +45,7 @@ class Result:
         return {**figures, REDUCTION: self._reduction(lag, of_set)}
 
     def figure(self, name: str, lag: int, of_set: str = ALL) -> FloatArray | None:
-        """Return one of `FIGURES`."""
+        """Return one of `FIGURES` for a lag, a value per run; None if it is not defined."""
         return self.figures(lag, of_set)[name]
 
     def over_time(self, name: str, lag: int, of_set: str = ALL) -> FloatArray:

@@ -199,7 +199,7 @@ class Task:
     code: str  # Digest of the tracker's code, see `code_of`
     # Digest of all inputs of a variant's scores except the seed, by name of the variant.
     digests: dict[str, str]
-    cutoff: float  # c of OSPA and GOSPA, metres
+    cutoff: float  # The c of OSPA and GOSPA, metres
     ignored: IgnoredTargets = TAXIING  # Unscored targets if antennas turn
 
     @property

@@ -60,7 +60,7 @@ class SimulatedRun:
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
-    """Return the simulated run of a scenario and a seed."""
+    """Return truth and scans of a scenario with the source of each detection."""
     truth, scans, sources = zip(*simulate_with_sources(scenario, seed), strict=True)
     return SimulatedRun(scenario, seed, truth, scans, sources)
 

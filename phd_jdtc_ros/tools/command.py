@@ -44,7 +44,7 @@ def run(
             return work(arguments)
     except (ConfigError, BagError) as error:
         return fail(name, error)
-    except OSError as error:  # a path that cannot be written, a full disk
+    except OSError as error:  # The path cannot be written, or the disk is full.
         where = f"{error.filename}: " if error.filename else ""
         print(f"{name}: {short(where)}{error.strerror or error}", file=sys.stderr)
         return USAGE

@@ -29,7 +29,7 @@ def read_sbs(line: bytes) -> Heard | str:
         return "other_message"
     if len(cells) != sbs_fields:
         return "malformed"
-    # readsb marks addresses that are not ICAO's.
+    # Addresses that are not ICAO's have a mark of readsb.
     sender = cells[4].strip()
     space, digits = (OTHER, sender[1:]) if sender.startswith("~") else (ICAO, sender)
     try:

@@ -157,7 +157,7 @@ class AisReader:
             message: Any = decode(*(part.sentence for part in parts))
             least = _BITS.get(message.msg_type, 0)
             heard = _heard(message, own_ship) if sum(part.bits for part in parts) >= least else None
-        except Exception:  # pyais refuses in several ways
+        except Exception:  # It is refused in several ways.
             message = heard = None
         if message is None or (heard is None and message.msg_type in _BITS):
             self.counts["malformed"] += 1

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 
 def fits_stamp(time_ns: int) -> bool:
-    """Return whether a time fits a stamp."""
+    """Return whether a time, nanoseconds since 1970, fits the 31 bits of a ROS stamp."""
     # Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
     # because a slice ends after its plots.
     return 0 <= time_ns <= (2**31 - 1 - 86_400) * 10**9
@@ -236,7 +236,7 @@ def _behind_gre(data: bytes, at: int) -> tuple[int, int]:
     """Return what is behind a header of GRE, and where it begins."""
     flags, layer = _word(data, at), _word(data, at + 2)
     numbered = bool(flags & 0x1000)
-    if layer == _ERSPAN_2 and not numbered:  # type I
+    if layer == _ERSPAN_2 and not numbered:  # This is type I.
         layer = _ETHERNET
     return layer, at + 4 + 4 * (bool(flags & 0x8000) + bool(flags & 0x2000) + numbered)
 

@@ -94,7 +94,7 @@ def _points(*point: float, count: int = POINTS) -> Callable[[int], bytes]:
     def make(stamp_ns: int) -> bytes:
         measurement = np.tile([distance, azimuth], (count, 1))
         found = Detections(measurement, np.full(count, amplitude))
-        with np.errstate(invalid="ignore"):  # x and y of values that are not finite
+        with np.errstate(invalid="ignore"):  # Some values are not finite.
             cloud = detections.to_msg(found, stamp_ns, "radar_1")
         return bytes(interfaces.encode(cloud))
 

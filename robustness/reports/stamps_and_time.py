@@ -63,7 +63,7 @@ def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
         replay = rig.start("sensor_replay", *played)
         # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
-        replay.kill()  # a stop takes a while, in which the next pass may begin
+        replay.kill()  # A stop takes a while, in which the next pass may begin.
         radars.spin(0.5)
         return _jumps_back(radars), int(radars.values("step time")["run"])
 
@@ -248,7 +248,7 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
     for step in range(count):
         for radar in sending:
             radars.outputs[radar].publish(scans.cloud(index + step, radar))
-        # Also if this process is late itself, it receives.
+        # This process receives even if it is late itself.
         radars.spin(max(begin + (step + 1) * PERIOD_S - time.monotonic(), 0.01))
 
 

@@ -66,7 +66,7 @@ class Recording:
     targets: dict[int, FloatArray]
 
     def of(self, sensor: str) -> tuple[Look, ...]:
-        """Return the looks of a sensor."""
+        """Return the looks of one sensor, by its name, in the order of time."""
         return tuple(look for look in self.looks if look.sensor == sensor)
 
     def truth(self, stamp_ns: int) -> Truth:

@@ -29,7 +29,7 @@ class Targets(NamedTuple):
     number: IntArray  # From 1, in the order of birth, (T,)
     state: FloatArray  # World frame, (T, D)
     mode: IntArray  # Flat mode of class and motion, (T,)
-    log_snr: FloatArray  # ln(1 + SNR), (T,)
+    log_snr: FloatArray  # Of each target, ln(1 + SNR), (T,)
 
 
 def drawn_run(

@@ -50,7 +50,7 @@ def require() -> Soup:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a warning about an unused search tree
+            warnings.simplefilter("ignore")  # It warns of a search tree that is not used.
             parts = {
                 name: getattr(import_module(f"stonesoup.{module}"), name)
                 for module, names in PARTS.items()

@@ -332,7 +332,7 @@ def test_walk_refuses_what_libasterix_refuses(number, name):
             _, end = layout.walk(data, 0, len(data))
         except MalformedError as error:
             end = None
-            # libasterix takes a record that selects nothing.
+            # A record that selects nothing is valid for libasterix.
             if error.reason == "empty_record":
                 continue
         parsed = reference.parse(base.ParsingMode.StrictParsing, base.Bits.from_bytes(data))

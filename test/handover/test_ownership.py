@@ -196,7 +196,7 @@ def test_thousands_of_targets_at_the_seam_are_joined_in_bounded_time_and_memory(
     tracemalloc.stop()
     assert count <= len(found) <= 2 * count
     assert peak < 256e6
-    # tracemalloc makes it some three times slower; 13 s and 4.5 GB where all pairs are compared.
+    # It is three times as slow under tracemalloc; comparing all pairs takes 13 s and 4.5 GB.
     assert longest_s < 3.0
 
 

@@ -43,7 +43,8 @@ def test_aircraft_are_tracked_with_their_heights(name, in_height):
 @pytest.mark.filterwarnings("ignore:.*clouds are missing by the stamps")
 def test_a_radar_that_turns_tracks_aircraft_with_their_heights_sector_by_sector():
     run = simulate_tables(SCENARIOS / "turning_3d.yaml", seed=6)
-    assert len(np.unique(run.detections["time"])) > 500  # of the sectors with detections
+    # Each sector with detections has a time of its own.
+    assert len(np.unique(run.detections["time"])) > 500
     for tracks, height_rms in zip(
         Tracker(run.parameters).track(run.detections), (130.0, 80.0), strict=True
     ):

@@ -109,7 +109,7 @@ def test_detect_without_a_threshold_has_the_mean_square_of_the_snr(snr_db):
     radar = replace(RADAR, threshold=0.0, clutter_rate=0.0)
     found = detect(standing(count), np.full(count, snr), radar, np.random.default_rng(0))[0]
     assert len(found) == count
-    # a^2 is exponential, so its standard deviation is its mean.
+    # The standard deviation of a^2 is its mean, because it is exponential.
     expected = 2.0 * (1.0 + snr)
     assert np.mean(found.amplitude**2) == pytest.approx(expected, rel=4.5 / np.sqrt(count))
 
@@ -231,7 +231,7 @@ def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
     mirror = {**MIRROR, "start_deg": 170.0, "width_deg": 20.0}
     run, time_s, found, answers = plots(mirrors=[mirror], transponders={"reply_probability": 1.0})
     false = found.source == 0
-    # While it is in the south, once a revolution.
+    # The mirror shows it once a revolution while it is in the south.
     assert np.count_nonzero(false) == pytest.approx(75, abs=2)
     assert (found.replying == 1).all()
     assert (answers.address[false] == run.replies_of[1].address).all()

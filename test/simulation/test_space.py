@@ -167,11 +167,11 @@ def test_a_radar_that_turns_sees_targets_at_their_heights_when_its_beam_passes()
     dome, reports = config.model.radars[0], simulate_reports(scenario, config.radars, 3)
     errors, rates, elevations, seen = [], [], [], 0
     for report in reports:
-        if report.radar:  # flat stares beside it
+        if report.radar:  # Radar 0, flat, stares beside it.
             assert report.detections.measurement.shape[1:] == (3,)
             continue
         found, sources = report.detections, report.source
-        assert 2 not in sources  # it is above the field of view
+        assert 2 not in sources  # Target 2 is above the field of view.
         elevations += found.measurement[sources == 0, 2].tolist()
         for row in np.flatnonzero(sources == 1):
             after_s = report.stamp_ns * 1e-9 - 1000.0 + float(found.time_s[row])

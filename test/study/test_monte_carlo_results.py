@@ -148,8 +148,8 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
 
 def test_mean_has_students_interval_of_several_runs():
     mean = Mean.of(np.array([1.0, 2.0, 3.0, np.nan]))
-    # t(0.975, 2) = 4.3027
     assert mean.mean == 2.0
+    # Of three runs, Student's quantile t(0.975, 2) is 4.3027.
     assert mean.half_width == pytest.approx(4.3027 / math.sqrt(3), rel=1e-4)
     assert Mean.of(np.array([3.0])).as_json() == {"mean": 3.0, "interval_95": None}
     assert Mean.of(np.array([np.nan])).as_json() is None

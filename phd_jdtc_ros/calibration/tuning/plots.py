@@ -83,7 +83,7 @@ class Plots:
         """What changes with `velocity`: positions, (N, 2), or slant ranges, (N, 1), metres."""
         if self.places:
             return self.position
-        # Smallest cosine of an elevation by which a ground range is divided
+        # A ground range near the zenith does not show the slant range.
         level = 1.0 if self.level is None else np.maximum(self.level, 0.1)
         slant: FloatArray = self.measurement[:, :1] / np.reshape(level, (-1, 1))
         return slant

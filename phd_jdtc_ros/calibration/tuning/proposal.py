@@ -165,7 +165,7 @@ def _motion_noise(found: Findings, now: Now, name: str) -> Iterator[Row]:
     if found.velocity is not None:
         speed = found.velocity.noise
         source = f"{speed.count} plots of tracks"
-        # The smallest value that the parameter may have
+        # The parameter has no smaller values than this one.
         shown = max(round_to_std(speed.value, speed.std), 1e-3)
         yield Row(name, shown, source, now(name), speed.std)
 

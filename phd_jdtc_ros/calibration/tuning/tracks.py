@@ -192,7 +192,7 @@ def levels(plots: Plots, tracks: Tracks) -> Levels | None:
     means = [np.nanmean(0.5 * amplitude[own] ** 2) for own in tracks.plots if known[own].any()]
     quantiles = (np.nan, np.nan)
     if means:
-        with np.errstate(divide="ignore"):  # amplitudes of zero are -inf dB
+        with np.errstate(divide="ignore"):  # Amplitudes of zero are -inf dB.
             low, high = 10.0 * np.log10(np.quantile(means, [0.05, 0.95]))
         quantiles = float(low), float(high)
     return Levels(

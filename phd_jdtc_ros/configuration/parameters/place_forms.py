@@ -17,7 +17,7 @@ from ..schema import Form, numbers
 
 # The value of a radar's parameter `pose` if the radar does not move.
 FIXED = "fixed"
-# nav_msgs/Odometry and geometry_msgs/PoseStamped.
+# The messages nav_msgs/Odometry and geometry_msgs/PoseStamped.
 POSE_MESSAGES = ("odometry", "pose_stamped")
 # The value of `pose`, and `PoseSource.message`, of a radar whose frame the transforms place; and
 # the topics of the transforms.

@@ -17,9 +17,9 @@ class Claims(NamedTuple):
 
     row: Int1  # Row of each pair within the gate, (P,)
     column: Int1  # Detection of each pair, (P,)
-    mass: Float1  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
+    mass: Float1  # Of each pair p_D L_z w, divided by a scale of its detection, (P,)
     other: Float1  # Intensity of clutter and undetected targets, divided by the same scale, (M,)
-    detection_probability: Float1  # p_D of each row, (N,); 0 beyond the radar's range
+    detection_probability: Float1  # Of each row, (N,); 0 beyond the radar's range
 
     def share_of(self, rows: BoolArray | FloatArray) -> FloatArray:
         """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).

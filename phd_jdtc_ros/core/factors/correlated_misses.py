@@ -85,8 +85,8 @@ class LookPrediction:
     """
 
     label: IntArray  # Ascending
-    looked: FloatArray  # c L: correlation times the probability that the look covered the target
-    detected: FloatArray  # c D: correlation times the probability that it detected the target
+    looked: FloatArray  # Correlation times the probability that the look covered it, c L
+    detected: FloatArray  # Correlation times the probability that it detected it, c D
 
     @property
     def is_informative(self) -> bool:

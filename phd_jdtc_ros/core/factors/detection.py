@@ -107,7 +107,7 @@ class OpenTrials(ReadOnly):
         return len(self.label)
 
     def take(self, rows: IntArray | BoolArray) -> OpenTrials:
-        """Return these trials."""
+        """Return the trials of some rows, by their indices or a mask."""
         return OpenTrials(
             self.label[rows],
             self.cell[rows],

@@ -103,7 +103,7 @@ class Factors(ReadOnly):
         return self.expect(View.of(sensor, _nothing(len(sensor.components))))
 
     def after(self, look: Look) -> Factors:
-        """Return the factors after a look."""
+        """Return the factors of all sensors, each with what it learns from a look of one."""
         own, by_sensor = look.view.sensor.name, {}
         for name, factors in self.by_sensor.items():
             hook, after = "learn" if name == own else "learn_from_others", list(factors)

@@ -55,7 +55,7 @@ class Entry:
 
     @cached_property
     def source_stamps(self) -> frozenset[int]:
-        """The stamps of the sources."""
+        """The stamps of the earlier entries that this one continues, nanoseconds."""
         return frozenset([source.stamp_ns for source in self.sources])
 
     @cached_property
@@ -86,7 +86,7 @@ class UnsweptRows:
 
     @property
     def row_label(self) -> IntArray:
-        """Label of each of these rows."""
+        """Label of the target of each of these rows, (N,)."""
         label = self.entry.stored.row_label
         return label if self.rows is None else label[self.rows]
 

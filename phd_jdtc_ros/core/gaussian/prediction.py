@@ -187,7 +187,7 @@ def _write_pair(
     factor = later.factor[factor_row] if factor_row >= 0 else scratch.factor
     factorise(spread, factor)
     for i in range(SIZE):
-        if covariance[i, i] == 0.0:  # the mode has no such axis
+        if covariance[i, i] == 0.0:  # The mode has no such axis.
             for k in range(SIZE):
                 gain[i, k] = 0.0
                 base[i, k] = base[k, i] = 0.0
@@ -231,7 +231,7 @@ def _write_predicted(
                 later_mean, later_covariance = later.mean[row, mode], later.covariance[row, mode]
                 add_spread(share[pair], pair_mean, spread[pair], later_mean, later_covariance)
         for mode in range(len(total)):
-            if not total[mode] > 0.0:  # it cannot be reached
+            if not total[mode] > 0.0:  # No mode leads to this one.
                 later_mean, later_covariance = later.mean[row, mode], later.covariance[row, mode]
                 copy_gaussian(mean[row, mode], covariance[row, mode], later_mean, later_covariance)
 

@@ -327,7 +327,7 @@ def _tree(place: FloatArray) -> Any:
 
 
 def _cells(azimuth: FloatArray) -> IntArray:
-    """Return the cell of each azimuth."""
+    """Return which of `CELLS` equal parts of a turn each azimuth, radians, is in."""
     cells: IntArray = (np.mod(azimuth, FULL_TURN) / FULL_TURN * CELLS).astype(int)
     return np.minimum(cells, CELLS - 1)
 

@@ -238,7 +238,7 @@ class RadarPose(NamedTuple):
 
 
 class PosedReport(NamedTuple):
-    """A report with its pose."""
+    """A report, with the pose of its radar at the report's stamp."""
 
     radar: int  # Index in the configured order
     stamp_ns: int

@@ -269,7 +269,7 @@ class WaitingReports:
         self._waiting: list[SelfReports] = []
 
     def add(self, receiver: int, reports: SelfReports) -> None:
-        """Add reports of a receiver."""
+        """Add reports of a receiver, up to `MOST_WAITING` in all; others are counted as dropped."""
         if not len(reports):
             return
         waiting = sum(map(len, self._waiting))

@@ -55,7 +55,7 @@ class Placement(NamedTuple):
     """The pose of a frame in another one."""
 
     translation: Vector  # Metres
-    rotation: Quaternion  # x, y, z and w, of norm 1
+    rotation: Quaternion  # Components x, y, z and w, of norm 1
 
     def of(self, inner: Placement) -> Placement:
         """Return the pose in the other frame of what is placed in this frame."""
@@ -93,7 +93,7 @@ class Placement(NamedTuple):
         return Placement((x, y, z), (i, j, k, w))
 
     def pose(self) -> Pose:
-        """Return it as a pose."""
+        """Return the place, the yaw and the tilt of the frame."""
         yaw, tilt = attitude(self.rotation)
         return Pose(self.translation[:2], yaw, height=self.translation[2], tilt=tilt)
 

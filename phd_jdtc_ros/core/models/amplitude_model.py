@@ -110,7 +110,7 @@ class Memory(AmplitudeModel):
 class SnrCells:
     """Cells of the signal-to-noise ratio of each class, in which a hypothesis has probabilities."""
 
-    # ln(1 + d) at the centre of each cell, (C, S); 0 in models without a memory.
+    # At the centre of each cell, ln(1 + d), (C, S); 0 in models without a memory.
     log_snr: FloatArray
     # Rates of change from cell to cell per second, symmetric, (C, S, S); rows sum to 0.
     generator: FloatArray

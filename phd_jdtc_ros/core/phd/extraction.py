@@ -93,7 +93,7 @@ def clusters(
         rows.append(drawn)
         groups.append(count + label)
         count += targets
-    # k-means may leave a cluster empty, which is no target.
+    # A cluster that k-means leaves empty is no target.
     _, group = factorize(np.concatenate(groups))
     return Groups(np.concatenate(rows), group, 1.0 / np.bincount(group)[group])
 

@@ -40,7 +40,7 @@ class Lineage(NamedTuple):
     row: IntArray  # Row in the later mixture with which it was merged, (I,)
     share: FloatArray  # Its share in the weight of that row, (I,)
     gain: FloatArray  # G, (I, D, D)
-    mean: FloatArray  # m, (I, D)
+    mean: FloatArray  # Means m, (I, D)
     covariance: FloatArray  # Covariance of the parent's state, given y, (I, D, D)
 
 

@@ -124,7 +124,7 @@ def update_pairs(
     rules: Reliability,
     tables: Writeable[Tables],
 ) -> None:
-    """Update the pairs of a source with its report."""
+    """Update the filters and the weights of a source's pairs with its report, in place."""
     sources, pairs, chains = tables
     matrix, noise, ahead = np.zeros((4, 6)), np.empty((4, 4)), np.empty(2)
     time_ns, size = batch.time_ns[report], batch.components[report]

@@ -187,7 +187,7 @@ def _empty(table: type[TableT], sizes: dict[str, int]) -> TableT:
 
 
 def take(table: TableT, rows: Any) -> TableT:
-    """Return rows of a table."""
+    """Return rows of a table, by their indices, a mask or a slice."""
     return frozen(type(table)(*(column[rows] for column in table)))
 
 

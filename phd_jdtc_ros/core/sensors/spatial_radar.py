@@ -44,7 +44,7 @@ def linearise(
     ahead, left = cos * east + sin * north, cos * north - sin * east
     level = np.maximum(np.hypot(ahead, left), MIN_RANGE)
     angle, stretch = curvature * level, 1.0 + curvature * height
-    # sin(d / R) R, and the drop below the horizon, which vanish without a curvature.
+    # Without a curvature R sin(d / R) is the distance d, and the drop below the horizon vanishes.
     arc = level * np.sinc(angle / np.pi)
     half = 0.5 * level * np.sinc(0.5 * angle / np.pi)
     u, w = stretch * arc, height - 2.0 * stretch * curvature * half**2

@@ -24,7 +24,7 @@ class SpawnModel(ReadOnly):
     spawned target's mode.
     """
 
-    rate: float  # lambda_beta, expected spawned targets per target and nominal interval
+    rate: float  # Expected spawned targets per target and nominal interval, lambda_beta
     # From the parent's flat mode to that of the spawned target, (O, O); rows sum to one. It is the
     # class matrix b times the mode matrix; unlike survival, it can change the class.
     transition: FloatArray

@@ -48,7 +48,8 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     """
     if np.array_equal(transition, np.eye(len(transition))):
         return np.zeros_like(transition)
-    if np.linalg.det(transition) <= 0.0:  # det expm(G) = exp(trace G) > 0
+    # The determinant of any expm(G) is positive: it is exp(trace G).
+    if np.linalg.det(transition) <= 0.0:
         return None
     generator = np.asarray(linalg.logm(transition))
     off_diagonal = generator - np.diag(np.diag(generator))
@@ -158,7 +159,7 @@ class ModeSpace:
             return np.linalg.matrix_power(self._nominal_transition, max(1, round(steps)))
         if self._eigen is None:
             matrix = np.asarray(linalg.expm(self._generator * steps))
-        else:  # a hundred times as fast
+        else:  # This is a hundred times as fast.
             values, vectors, inverse = self._eigen
             matrix = np.real((vectors * np.exp(values * steps)) @ inverse)
         matrix = np.maximum(matrix, 0.0)

@@ -47,7 +47,7 @@ class PastStates:
         return PastStates({**self.at, stamp_ns: states}, latest_ns)
 
     def since(self, stamp_ns: int) -> PastStates:
-        """Return the states from a stamp on."""
+        """Return the states from a stamp on, nanoseconds, without tracks that ended before."""
         return PastStates(
             {stamp: states for stamp, states in self.at.items() if stamp >= stamp_ns},
             {label: stamp for label, stamp in self.latest_ns.items() if stamp >= stamp_ns},
@@ -64,7 +64,7 @@ class PastStates:
 
     @property
     def columns(self) -> NotedStates:
-        """The states as columns."""
+        """The states as columns of a snapshot, a row for each track and stamp."""
         rows = [
             (stamp_ns, *pair) for stamp_ns, states in self.at.items() for pair in states.items()
         ]
@@ -72,7 +72,7 @@ class PastStates:
 
     @staticmethod
     def of(columns: NotedStates) -> PastStates:
-        """Return the states of columns."""
+        """Return the states that `columns` has stored."""
         at: dict[int, dict[int, int]] = {}
         latest_ns: dict[int, int] = {}
         for stamp_ns, label, state in zip(*(column.tolist() for column in columns), strict=True):

@@ -106,7 +106,7 @@ class SelfReports(ReadOnly):
 
 
 def text_of(name: IntArray) -> str:
-    """Return a name as text."""
+    """Return a name, whose letters are ASCII codes and 0 behind them, as text."""
     return bytes(name[name > 0].astype(np.uint8)).decode("ascii", "replace").strip()
 
 

@@ -233,7 +233,7 @@ class GaussianEngine:
         self.reset()
         try:
             self._from_snapshot(snapshot)
-        except Exception as error:  # a foreign snapshot may cause any exception
+        except Exception as error:  # A foreign snapshot may cause any.
             self.reset()
             raise ValueError(f"snapshot: {type(error).__name__}: {error}") from error
 
@@ -337,7 +337,7 @@ class GaussianEngine:
         self._states.forget_before(following)
         self._window = trim(self._window, self.forward.unswept, following)
         described = self._describe_and_number(estimates, smoothed=True)
-        self._lineages.drop_before(self._window[0].stamp_ns)  # the next scan needs the memory
+        self._lineages.drop_before(self._window[0].stamp_ns)  # The next scan needs the memory.
         return described
 
 

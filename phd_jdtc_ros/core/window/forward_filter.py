@@ -131,7 +131,7 @@ class ForwardFilter:
         self.on_stage_end("predict")
         parent = np.arange(len(predicted))
         parent[len(parts[0]) if aged else 0 :] = -1
-        parts.clear()  # the update needs the memory
+        parts.clear()  # The update needs the memory.
         branched = Branched(predicted, parent)
         if (layer := self.factors.reports) is not None and scan.self_reports is not None:
             layer = layer.with_reports(scan.self_reports, scan.stamp_ns)

@@ -68,7 +68,7 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
         return others, files
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error
-    except Exception as error:  # rclpy's own type for this is private
+    except Exception as error:  # Its own type is private to rclpy.
         raise SystemExit(fail(name, ConfigError(rcl_fault(error)))) from error
 
 

@@ -90,7 +90,7 @@ class ManagedNode(LifecycleNode, RunnableNode):
         def change_state(request: Any, response: Any) -> Any:
             try:
                 return change(request, response)
-            except Exception as error:  # rclpy's own type for this is private
+            except Exception as error:  # Its own type is private to rclpy.
                 self.get_logger().error(f"transition refused: {error}")
                 response.success = False
                 return response
@@ -163,7 +163,7 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
     stop = StopRequest()
     try:
         rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl raises several kinds; all mean that nothing can start
+    except Exception as error:  # Whichever rcl raises, nothing can start.
         return fail(name, error)
     node = None
     try:
@@ -174,7 +174,7 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
     except reported as error:
         return fail(name, error)
     except RuntimeError as error:
-        # rcl's error for an invalid node name has a private type.
+        # The error of rcl for an invalid node name has a private type.
         if not str(error).startswith("error creating node: "):
             raise
         return fail(name, RuntimeError(rcl_fault(error)))
@@ -220,7 +220,7 @@ def _spin(node: RunnableNode, stop: StopRequest) -> None:
 
 def rcl_fault(error: Exception) -> str:
     """Return rcl's message about an argument, without the lines of its source."""
-    # rcl's names of arguments that it cannot parse, with their valid forms.
+    # These are what rcl calls the arguments that it cannot parse, with their valid forms.
     forms = {
         "parameter override rule": "-p NAME:=VALUE",
         "remap rule": "-r FROM:=TO",

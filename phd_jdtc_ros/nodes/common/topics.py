@@ -46,7 +46,7 @@ def qos_of(topic: str) -> Iterator[None]:
     """
     try:
         yield
-    # rclpy raises these for an unknown policy, for a value of a wrong type, and for a refusal.
+    # Unknown policies, values of a wrong type and refusals are these errors of rclpy.
     except (RuntimeError, ParameterException, ValueError, InvalidQosOverridesError) as error:
         raise ConfigError(f"qos_overrides.{topic}: {error}") from error
 

@@ -97,7 +97,7 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
         stamp_ns, json_values, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
         if not isinstance(json_values, dict) or not isinstance(stored, dict):
             raise ValueError(f"{FACTS} and {CONFIGURATION} must be mappings")
-    except Exception as error:  # a forged header makes numpy raise many kinds
+    except Exception as error:  # Forged headers make numpy raise many kinds.
         reason = f"{type(error).__name__}: {error}"
         raise CheckpointError(f"{path}: not a checkpoint, {reason[:200]}") from error
     expected = json.loads(json.dumps(dict(configuration)))

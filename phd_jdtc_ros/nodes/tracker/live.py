@@ -116,7 +116,7 @@ class LiveTracker:
                 f"checkpoint.path: {values['checkpoint.path']} given, must be empty with engine "
                 f"{engine}"
             )
-        # os.path returns False where pathlib raises for lack of permission.
+        # Without permission pathlib raises, and os.path returns False.
         path = Path(os.path.expanduser(values["checkpoint.path"]))
         if not os.path.isdir(path.parent):
             raise ConfigError(f"checkpoint.path: {path} given, {path.parent} is no directory")

@@ -32,7 +32,7 @@ class Destination(NamedTuple):
     """Where a stream is sent."""
 
     form: str  # The stream's format, see `Stream.form`
-    scheme: str  # udp, tcp, or listen for a port at which TCP clients connect
+    scheme: str  # One of udp, tcp, and listen: a port at which TCP clients connect
     address: sockets.Address
 
     def __str__(self) -> str:

@@ -49,7 +49,7 @@ class Proposal:
     hints: list[str] = field(default_factory=list)
 
     def set(self, name: str, value: Any, comment: str) -> None:
-        """Set a value and its comment."""
+        """Set a parameter by its dotted name, with the comment beside it in the file."""
         self.values[name], self.comments[name] = value, comment
 
 

@@ -185,7 +185,8 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions,
         at, motion = moves.place[0, pair], dynamics.motions[after_of[pair]]
         mode = before_of[pair]
         covariance = mixture.covariance[0, mode].copy()
-        if mode == 0 and after_of[pair] == 1:  # a turn begins, at a rate of the long run
+        # A turn that begins has a rate of the long run.
+        if mode == 0 and after_of[pair] == 1:
             covariance[OMEGA, OMEGA] = time_constant_s / 2.0 * motion.turn_noise_density
         before = textbook.Normal(mixture.mean[0, mode], covariance)
         predicted, gain = textbook.predict(before, motion, 6.0)

@@ -70,7 +70,7 @@ def test_predicted_moves_each_target_by_its_turn_from_its_own_time():
     found = estimates(0.0, [1], np.array([[1000.0, 100.0, 2000.0, -50.0, 0.05]]))
     later = predicted_from(found, 4 * SECOND)
     np.testing.assert_allclose(later.state, TURNING.mean(found.state, 4.0))
-    # 10 m and 4 s of 2 m/s, and the noise on top; the turn rate adds next to nothing
+    # The variance is that of 10 m and of 4 s of 2 m/s, with the noise; the turn rate adds little.
     assert 100.0 + 16.0 * 4.0 < later.covariance[0, 0, 0] < 250.0
     assert later.weight[0] == pytest.approx(0.9 * 0.99 ** (4.0 / 6.0))
     assert later.stamp_ns == 4 * SECOND
@@ -105,7 +105,7 @@ def test_interpolated_is_on_the_path_between(turn_rate):
     after = moved(before, 4.0)
     found = between(before, after, 11 * SECOND)
     expected = moved(before, 1.0)
-    # A cubic is off by the fourth derivative: v w^3 T^4 / 384
+    # A cubic is off by the fourth derivative: v w^3 T^4 / 384.
     np.testing.assert_allclose(found.position, expected.position, atol=0.01)
     np.testing.assert_allclose(found.velocity, expected.velocity, atol=0.05)
 
@@ -125,7 +125,7 @@ def test_at_stamp_takes_updates_around_it_and_unlabelled_targets():
     assert found.track_id.tolist() == [3, 5]
     np.testing.assert_allclose(found.position, moved(first, 2.0).position, atol=1e-6)
     assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
-    # predicted, the covariance grows; interpolated, it does not
+    # The predicted covariance has grown, and the interpolated one has not.
     assert found.covariance[0, 0, 0] > found.covariance[1, 0, 0]
     parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
     assert at_stamp(

@@ -104,7 +104,7 @@ def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass(default_run):
 def test_missed_target_is_missed_once_a_revolution_and_not_by_every_sector(default_run):
     engine, filtered, _ = default_run(10)
     reported, _ = stepped(engine, scans(11, missed=1.0)[10 * SECTORS :])
-    # p_D is 0.95: one miss leaves an existence probability near 0.95, sixteen would leave none.
+    # With p_D = 0.95 one miss leaves an existence probability near 0.95, sixteen would leave none.
     assert len(filtered[-1]) == len(reported[-1]) == len(TARGETS)
     mass = sum(rows.class_mass()[0] for rows in engine.forward.unswept)
     assert 3.0 < mass < 4.1

@@ -151,7 +151,7 @@ def nothing(classes=2):
 def plain(value):
     """Return a message of rclpy or of rosbags as nested dicts, lists and numbers."""
     if is_dataclass(value):
-        # rosbags keeps constants and the type beside the fields.
+        # Beside the fields, rosbags keeps constants and the type.
         names = [field.name for field in fields(value) if field.name.islower()]
         names = [name for name in names if name != "__msgtype__"]
         return {name: plain(getattr(value, name)) for name in names}

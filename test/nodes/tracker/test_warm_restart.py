@@ -48,7 +48,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     assert rest == whole[KILLED_AFTER:]
     assert "continuing from" in process.log.read_text()
     assert peer.call(Trigger, "/tracker/flush").success
-    assert not path.exists()  # a run that has ended has nothing to go on from
+    assert not path.exists()  # A run that has ended has nothing to go on from.
 
 
 def test_stopped_tracker_leaves_a_checkpoint_that_others_refuse(processes, peer, tmp_path):

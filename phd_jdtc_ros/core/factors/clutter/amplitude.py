@@ -145,7 +145,7 @@ class _Cells(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _cells(threshold: float) -> _Cells:
-    """Return the cells for a threshold."""
+    """Return cells of the level, dB, of which an edge is at the threshold."""
     edges = np.linspace(LOWEST_DB, HIGHEST_DB, CELLS + 1)
     if threshold > 0.0:
         level = float(level_db(np.array(threshold)))

@@ -93,7 +93,7 @@ def solve(factor: FloatArray, vector: FloatArray) -> State:
 
 @inner
 def read(vector: FloatArray | State) -> State:
-    """Return a vector as a state."""
+    """Return a vector in registers; in the plane height and climb rate are 0."""
     planar = vector[0], vector[1], vector[2], vector[3], vector[4]
     if SIZE > Z:
         return *planar, vector[Z], vector[VZ]
@@ -102,7 +102,7 @@ def read(vector: FloatArray | State) -> State:
 
 @inner
 def write(state: State, vector: FloatArray) -> None:
-    """Write a state."""
+    """Write a state into a vector; in the plane without height and climb rate."""
     vector[0], vector[1], vector[2], vector[3], vector[4] = state[:5]
     if SIZE > Z:
         vector[Z], vector[VZ] = state[Z], state[VZ]

@@ -77,7 +77,7 @@ def _write_turn_moments(
         for i in range(SIZE):
             moved_mean[i] += WEIGHTS[node] * node_mean[node, i]
         for i in range(SIZE):
-            if i == OMEGA:  # it is given
+            if i == OMEGA:  # The turn rate is given.
                 continue
             for k in range(SIZE):
                 point[k] = covariance[i, k] - slope[i] * slope[k]

@@ -28,7 +28,7 @@ class Innovation(NamedTuple):
     jacobian: Float3
     weighted: Float2  # Inverse of the innovation's covariance times the innovation, (N, P)
     inverse: Float3  # Inverse of the innovation's covariance, (N, P, P)
-    log_likelihood: Float1  # log N(z; h, S) of the measurement alone, (N,)
+    log_likelihood: Float1  # Of the measurement alone, log N(z; h, S), (N,)
 
 
 def innovations(

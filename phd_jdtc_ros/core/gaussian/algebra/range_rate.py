@@ -125,8 +125,9 @@ def _write_sight(line: FloatArray, distance: float, along: FloatArray, across: F
     for i in range(3):
         along[i] = line[i] / distance
     level = math.sqrt(along[0] * along[0] + along[1] * along[1])
+    # Any level direction is across the line of sight of a target overhead.
     across[0, 0], across[0, 1], across[0, 2] = 1.0, 0.0, 0.0
-    if level > LEAST_LEVEL:  # else the target is overhead, and any level direction is across
+    if level > LEAST_LEVEL:
         across[0, 0], across[0, 1] = -along[1] / level, along[0] / level
     across[1, 0] = -along[2] * across[0, 1]
     across[1, 1] = along[2] * across[0, 0]

@@ -93,7 +93,7 @@ class Amplitudes(NamedTuple):
     """Likelihoods of the amplitudes of M detections."""
 
     largest: Float1  # The largest log p_D g(a) of all cells, (M,)
-    # p_D g(a) of each cell relative to the largest one, (M, C, S); 0 where all are.
+    # Of each cell p_D g(a) relative to the largest one, (M, C, S); 0 where all are.
     relative: Float3
 
     @staticmethod
@@ -172,7 +172,7 @@ def snr_after(
             for cell in range(cells):
                 if total > 0.0:
                     posterior[row, class_id, cell] /= total
-                else:  # the class has no weight
+                else:  # The class has no weight.
                     posterior[row, class_id, cell] = snr[hypothesis, class_id, cell]
     return posterior
 

@@ -226,7 +226,7 @@ class Lineages:
         Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
         """
         if threshold < self._threshold:
-            self._done = 0  # targets that were left out may be reported now
+            self._done = 0  # Targets that were left out may be reported now.
         self._threshold = threshold
         before, after, steps, parts = self._plan(since_ns, threshold)
         self._done = self._updates.dropped + len(self._updates.rows)
@@ -271,7 +271,7 @@ class Lineages:
         return Around(before, after)
 
     def stamps(self, updates: IntArray) -> IntArray:
-        """Return the stamps of updates."""
+        """Return the stamps of updates, nanoseconds, given their indices in the window."""
         stamps: IntArray = self._updates.rows[updates, STAMP]
         return stamps
 

@@ -87,7 +87,7 @@ def append_updates(
             sums[number, column] = existing_sums[number, column]
         index = count_below(label, existing[number, LABEL])
         if index < count and label[index] == existing[number, LABEL]:
-            updates[first + index, BEFORE] = dropped + number  # the last one stays
+            updates[first + index, BEFORE] = dropped + number  # The last one stays.
     row_update = np.empty(len(row_label), np.int64)
     for row in range(len(row_label)):
         number = row_update[row] = first + count_below(label, row_label[row])
@@ -142,7 +142,7 @@ def _find_reportable(
     """
     existence, reportable = np.full(len(updates), -1.0), np.zeros(len(updates), np.bool_)
     for index in range(len(updates) - 1, -1, -1):
-        if existence[index] < 0.0:  # it is the target's last one
+        if existence[index] < 0.0:  # It is the target's last one.
             existence[index] = sums[index, EXISTENCE]
         reportable[index] = reportable[index] or (
             needed[index] and existence[index] > threshold - ROUNDING

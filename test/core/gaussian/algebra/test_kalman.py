@@ -181,7 +181,7 @@ def test_factors_are_those_of_the_inverse_on_the_axes_with_variance(absent, size
 
 
 def test_axis_that_others_determine_is_left_out(size):
-    # x and vx are one: the inverse on the axes that the covariance spans leaves out the second.
+    # As x and vx are one, the inverse on the axes that the covariance spans leaves out the second.
     matrix, factor, vector = np.diag(SCALE[:size] ** 2), np.empty((size, size)), np.ones(size)
     matrix[0, 1] = matrix[1, 0] = SCALE[0] * SCALE[1]
     of_size(blocks.factorise, size)(matrix, factor)
