@@ -21,6 +21,7 @@ from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import UNKNOWN, FloatArray, IntArray
 from phd_jdtc_ros.core.types import SelfReports
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.quoting import short
 
 from .tables import (
     Columns,
@@ -231,11 +232,15 @@ def told_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Told]]:
     names, time_ns = [own.name for own in config.receivers], stamps_ns(columns)
     if not names:
         raise ValueError("reports: given, but none of the sensors has kind: reports")
+    for short_name, name in zip(*NAMES, strict=True):
+        if short_name in columns and name not in columns:
+            columns = with_column(columns, name, columns[short_name])
     sent: dict[str, Any] = {
         name: numbers(columns, name) for name in report_selection.QUANTITIES if name in columns
     }
     if not any(set(place) <= set(sent) for place in report_selection.PLACES):
-        raise ValueError("reports: no columns latitude and longitude, or x and y")
+        given = short(", ".join(columns))
+        raise ValueError(f"reports: no columns lat and lon, or x and y; the columns are {given}")
     sent["time"] = time_ns * 1e-9
     if "name" in columns:
         sent["name"] = columns["name"]

@@ -137,7 +137,9 @@ def _is_number(value: Any) -> bool:
 
 
 def _require_finite(table: str, columns: Columns) -> None:
-    """Raise `ValueError` if a position is unknown or absurd."""
+    """Raise `ValueError` if a time or position is missing, or a position is unknown or absurd."""
+    for name in ("time", "x", "y"):
+        require_column(columns, name, f"; {table} must have it")
     for name in ("x", "y"):
         unknown = ~(np.abs(numbers(columns, name)) <= MOST_METRES)
         if unknown.any():

@@ -100,10 +100,12 @@ class Tracker:
     ``height``            metres; NaN if unknown
     ``code address``      Mode A code and Mode S address; -1 if unknown
     ``covariance``        of ``x y vx vy``, shape (4, 4)
+    ``z vz``              height and climb rate, metres and metres per second; NaN if unknown
+    ``covariance_space``  of ``x y z vx vy vz``, shape (6, 6); NaN where the height is unknown
     ===================== =================================================================
 
     Tables of self-reports (AIS, ADS-B) need a sensor of ``kind: reports``. Their columns are
-    ``time`` and ``latitude`` and ``longitude`` (degrees) or ``x`` and ``y`` (metres in the world),
+    ``time`` and ``lat`` and ``lon`` (degrees) or ``x`` and ``y`` (metres in the world),
     and if they are known ``address``, ``speed`` (m/s) and ``course`` (degrees from north) or ``vx``
     and ``vy``, ``heading``, ``std``, ``type`` and ``name``; with several receivers ``receiver``.
     Tables of tracks then have ``source`` (words), ``owned``, ``dark``, ``silent``, ``doubtful``
@@ -121,6 +123,15 @@ class Tracker:
         self.dropped: Counter[str] = Counter()
         # This raises for invalid values, but not for parameters that are still missing.
         self._parameters.config(incomplete=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what copies and pickles store; raise `TypeError` in a run, which has no copy."""
+        if self._run is not None:
+            raise TypeError(
+                "Tracker: in a run, cannot be copied or pickled; flush it first, or begin another "
+                "one with its parameters"
+            )
+        return self.__dict__.copy()
 
     @property
     def parameters(self) -> dict[str, Any]:

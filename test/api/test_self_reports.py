@@ -7,7 +7,10 @@ import pytest
 from harbour import KINDS, OK, PARAMETERS, turns
 
 from phd_jdtc_ros import Tracker
+from phd_jdtc_ros.api.reports import told_of
+from phd_jdtc_ros.api.tables import columns_of
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.earth import SystemPlane
 
 SCENE = turns(1, 100.0)
 
@@ -66,8 +69,20 @@ def test_reports_need_a_receiver_and_places():
     with pytest.raises(ValueError, match="none of the sensors has kind: reports"):
         Tracker(alone | {"sensors": ["radar"]}).track(detections, reports)
     del reports["y"]
-    with pytest.raises(ValueError, match="no columns latitude and longitude, or x and y"):
+    with pytest.raises(ValueError, match="no columns lat and lon, or x and y"):
         Tracker(PARAMETERS).track(detections, reports)
+
+
+def test_latitudes_and_longitudes_of_reports_have_the_names_of_those_of_detections():
+    config = resolve(PARAMETERS | {"world_origin": [54.0, 10.0, 0.0]}, SystemPlane)
+    places = np.array([54.1, 54.2]), np.array([10.1, 10.3])
+    found = [
+        told_of(columns_of({"time": [1.0, 2.0], **dict(zip(names, places, strict=True))}), config)
+        for names in (("lat", "lon"), ("latitude", "longitude"))
+    ]
+    (_, told), (_, same) = found[0][0], found[1][0]
+    assert len(told.reports) == 2
+    np.testing.assert_array_equal(told.reports.position, same.reports.position)
 
 
 def test_a_clock_that_stands_still_is_named():

@@ -1,6 +1,8 @@
 """Tables of detections to tables of tracks."""
 
+import copy
 import itertools
+import pickle
 import warnings
 
 import crossing
@@ -488,3 +490,20 @@ def test_a_target_is_found_in_clutter_that_makes_every_birth_improbable(columns,
     assert scores["ospa"] < 60.0
     x, y = (np.interp(tracks["time"], truth["time"], truth[name]) for name in ("x", "y"))
     assert (np.hypot(tracks["x"] - x, tracks["y"] - y) < 50.0).sum() > 0.7 * len(truth["time"])
+
+
+@pytest.mark.parametrize("which", ["truth", "tracks"])
+def test_evaluate_names_the_table_that_lacks_a_column(which):
+    tables = {"truth": TRUTH, "tracks": TRUTH}
+    tables[which] = {"time": [1.0], "x": [1.0]}
+    with pytest.raises(ValueError, match=rf"y: the column is missing, .*; {which} must have it"):
+        evaluate(tables["truth"], tables["tracks"], cutoff=50.0)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickle.dumps])
+def test_a_tracker_is_copied_between_runs_and_not_in_one(copied):
+    tracker = Tracker(crossing.PARAMETERS)
+    copied(tracker)
+    tracker.update(1.0, {"range": [1000.0], "azimuth": [0.5]})
+    with pytest.raises(TypeError, match="in a run, cannot be copied"):
+        copied(tracker)
