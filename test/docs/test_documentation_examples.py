@@ -107,6 +107,8 @@ def test_examples_of_the_page_on_python_run(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     early, late = map(int, re.search(r"(\d+) estimates before the end, (\d+) at", printed).groups())
     time = found["tracks"]["time"]
+    assert re.search(r"MMSI 211234560 silent 0\.0.*\n\d no source silent (1\.00|0\.99)", printed)
+    assert printed.rstrip().endswith("True")
     assert (early + late, late) == (len(time), np.count_nonzero(time > time.max() - 5 * 6.0))
     assert len(Tracker("mine.yaml").track(found["detections"]).smoothed) == early + late
 
@@ -135,6 +137,7 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     with (tmp_path / "tracks.csv").open() as file:
         written = list(csv.DictReader(file))
     assert {row["label"] for row in written} == {"1", "2"}
+    assert not any("covariance" in name for name in written[0])
     assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
     radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
     assert radars["sensors"] == ["radar"]
