@@ -75,7 +75,7 @@ def profile(name: str) -> tuple[Path, str]:
     """Return a shipped profile's file and the name of its bag, or raise `BagError`."""
     path = find(Path("config") / f"{name}.yaml")
     if Path(name).name != name or not os.path.exists(path):
-        others = find(Path("config") / f"{DEFAULT_BAG}.yaml").parent.glob("*.yaml")
+        others = find(Path("config") / "defaults.yaml").parent.glob("*.yaml")
         raise _missing(name, "profile", [entry.stem for entry in others])
     return path, PROFILE_BAGS.get(name, DEFAULT_BAG)
 

@@ -93,7 +93,9 @@ def test_profile_is_a_file_with_the_bag_that_shows_it():
 
 
 @pytest.mark.parametrize("name", ["sea", "../config/surveillance"])
-def test_profile_that_is_not_there_names_those_that_are(name):
+def test_profile_that_is_not_there_names_those_that_are(name, tmp_path, monkeypatch):
+    # The checkout is no longer the working directory.
+    monkeypatch.chdir(tmp_path)
     expected = r"no such profile; those shipped are air_traffic, autoferry, "
     with pytest.raises(BagError, match=expected):
         resources.profile(name)
