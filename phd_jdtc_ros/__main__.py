@@ -30,7 +30,7 @@ EXECUTABLES = {
     ),
     "report_bridge": (
         "tools.report_bridge",
-        "recordings of AIS and ADS-B to bags; without arguments the node",
+        "AIS and ADS-B recordings to bags; without arguments the node",
     ),
     "tune": ("tools.tune", "proposes a configuration from a recording"),
     "register": ("tools.register", "finds the systematic errors of radars in a recording"),
@@ -39,7 +39,7 @@ EXECUTABLES = {
     "monte_carlo": ("tools.monte_carlo", "many seeded runs to tables, figures and a summary"),
     "hand_over": (
         "tools.hand_over",
-        "joins the bags of trackers that part an area; without arguments the node",
+        "joins bags of several trackers; without arguments the node",
     ),
     "picture": ("nodes.picture", "a tracker's live picture in a browser"),
     "demo": ("tools.demo.demo", "the three nodes on the shipped bag, and the report"),
