@@ -204,8 +204,7 @@ class TrackOutput:
             )
         found = estimates.from_msg(cloud)
         stamp_ns, numbers = found.stamp_ns, found.track_id.tolist()
-        # A new run reuses the track numbers for other tracks.
-        if stamp_ns < self.stamp_ns:
+        if stamp_ns < self.stamp_ns:  # A new run reuses the track numbers for other tracks.
             ended = {n: track for n, track in self._reported.items() if n not in numbers}
             self._lives, self._reported = {}, ended
         self.stamp_ns, self._found = stamp_ns, found

@@ -196,8 +196,7 @@ def _with_numbers(table: Columns, *, zero_is_label: bool) -> Columns:
     if "label" not in table:
         return table
     label = table["label"]
-    # Labels of a data frame may be names, with nothing where a row has none.
-    if label.dtype.kind == "O":
+    if label.dtype.kind == "O":  # A data frame may have names, and nothing for a row without.
         label = np.array(["" if each is None or each != each else str(each) for each in label])
     texts = label.dtype.kind == "U"  # Those of a CSV file are.
     none = label == "" if texts else label != label

@@ -127,10 +127,7 @@ class Tracker:
     def __getstate__(self) -> dict[str, Any]:
         """Return what copies and pickles store; raise `TypeError` in a run, which has no copy."""
         if self._run is not None:
-            raise TypeError(
-                "Tracker: in a run, cannot be copied or pickled; flush it first, or begin another "
-                "one with its parameters"
-            )
+            raise TypeError("Tracker: in a run, cannot be copied or pickled; flush it first")
         return self.__dict__.copy()
 
     @property

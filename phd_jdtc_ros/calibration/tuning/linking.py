@@ -79,8 +79,7 @@ def innovate(
     distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
     along, across = east / distance, north / distance
     range_error, azimuth_error = measured[0] - distance, 0.0
-    # The rows of the Jacobian of a place are the sensor's axes, as at a range of 1.
-    if places:
+    if places:  # The rows of the Jacobian are the sensor's axes, as at a range of 1.
         distance, along, across = 1.0, cos, sin
         range_error, azimuth_error = measured[0] - ahead, measured[1] - left
     else:

@@ -48,8 +48,7 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     """
     if np.array_equal(transition, np.eye(len(transition))):
         return np.zeros_like(transition)
-    # The determinant of any expm(G) is positive: it is exp(trace G).
-    if np.linalg.det(transition) <= 0.0:
+    if np.linalg.det(transition) <= 0.0:  # That of expm(G) is exp(trace G) > 0.
         return None
     generator = np.asarray(linalg.logm(transition))
     off_diagonal = generator - np.diag(np.diag(generator))

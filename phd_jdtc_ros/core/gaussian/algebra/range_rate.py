@@ -125,9 +125,8 @@ def _write_sight(line: FloatArray, distance: float, along: FloatArray, across: F
     for i in range(3):
         along[i] = line[i] / distance
     level = math.sqrt(along[0] * along[0] + along[1] * along[1])
-    # Any level direction is across the line of sight of a target overhead.
     across[0, 0], across[0, 1], across[0, 2] = 1.0, 0.0, 0.0
-    if level > LEAST_LEVEL:
+    if level > LEAST_LEVEL:  # Of a target overhead, any level direction is across.
         across[0, 0], across[0, 1] = -along[1] / level, along[0] / level
     across[1, 0] = -along[2] * across[0, 1]
     across[1, 1] = along[2] * across[0, 0]

@@ -83,8 +83,7 @@ def _gaussians(
     std = [births.velocity_std, births.velocity_std, births.climb_std]
     covariance[:, velocity, velocity] = np.square(std[: len(velocity)])
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
-    # Where detections have times, targets are moved to their positions at the scan's stamp.
-    if detections.time_s is not None:
+    if detections.time_s is not None:  # They are moved to their positions at the scan's stamp.
         to_stamp = np.eye(size)[None].repeat(len(newborn), axis=0)
         to_stamp[:, position, velocity] = -detections.time_s[:, None]
         covariance = to_stamp @ covariance @ to_stamp.swapaxes(1, 2)
