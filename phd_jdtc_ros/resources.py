@@ -13,6 +13,7 @@ from phd_jdtc_ros.quoting import short
 
 PACKAGE = "phd_jdtc_ros"
 SHARE = Path("share", PACKAGE)
+SCENARIOS = Path("config", "scenarios")
 # The name of the reference scenario's bag.
 DEFAULT_BAG = "paper_scenario"
 # The bags of profiles that are not for the reference scenario.
@@ -78,6 +79,13 @@ def profile(name: str) -> tuple[Path, str]:
         others = find(Path("config") / "defaults.yaml").parent.glob("*.yaml")
         raise _missing(name, "profile", [entry.stem for entry in others])
     return path, PROFILE_BAGS.get(name, DEFAULT_BAG)
+
+
+def scenario(given: str | os.PathLike[str]) -> Path:
+    """Return the path of a scenario, given by its path or a shipped name."""
+    path = Path(given)
+    shipped = find(SCENARIOS / f"{path}.yaml")
+    return shipped if len(path.parts) == 1 and os.path.isfile(shipped) else path
 
 
 def _missing(name: str, what: str, shipped: Iterable[str]) -> BagError:

@@ -99,3 +99,11 @@ def test_profile_that_is_not_there_names_those_that_are(name, tmp_path, monkeypa
     expected = r"no such profile; those shipped are air_traffic, autoferry, "
     with pytest.raises(BagError, match=expected):
         resources.profile(name)
+
+
+def test_scenario_is_a_file_or_a_shipped_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one_radar").mkdir()
+    assert resources.scenario("one_radar").name == "one_radar.yaml"
+    for given in ("mine.yaml", "other", "config/one_radar", str(tmp_path / "one_radar")):
+        assert resources.scenario(given) == Path(given)

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from numbers import Real
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -245,9 +244,6 @@ def _without_identity(table: Columns) -> str:
     return ""
 
 
-SHIPPED = Path("config", "scenarios")
-
-
 class Simulated(NamedTuple):
     """A simulated run, with structured arrays."""
 
@@ -295,17 +291,12 @@ def simulate(
 def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> Any:
     if scenario is None or isinstance(scenario, Mapping):
         return scenario
-    path = Path(scenario)
-    if len(path.parts) != 1:
-        return yaml_files.load(path)
-    shipped = resources.find(SHIPPED / f"{path}.yaml")
-    if shipped.is_file():
-        return yaml_files.load(shipped)
-    if not path.suffix and not os.path.exists(path):
-        names = sorted(file.stem for file in resources.find(SHIPPED).glob("*.yaml"))
+    path = resources.scenario(scenario)
+    if len(path.parts) == 1 and not path.suffix and not os.path.exists(path):
+        shipped = sorted(file.stem for file in resources.find(resources.SCENARIOS).glob("*.yaml"))
         raise ConfigError(
             f"scenario: {short(repr(str(path)))} given, must be a mapping, the path of a file, "
-            f"or one of {', '.join(names)}"
+            f"or one of {', '.join(shipped)}"
         )
     return yaml_files.load(path)
 

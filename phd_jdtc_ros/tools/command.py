@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros import interruption
+from phd_jdtc_ros import interruption, resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
@@ -25,8 +25,8 @@ from phd_jdtc_ros.quoting import short
 CUTOFF = 1000.0
 # Help of `--scenario` for tools that read a bag.
 SCENARIO = (
-    "scenario file, whose parameters are used; without one and without --params-file those beside "
-    "the bag, or else the defaults"
+    "scenario file or shipped name, whose parameters are used; without one and without "
+    "--params-file those beside the bag, or else the defaults"
 )
 # Help of arguments that name a bag.
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
@@ -55,7 +55,7 @@ def run(
 
 def add_parameter_arguments(parser: argparse.ArgumentParser, scenario: str = SCENARIO) -> None:
     """Add the arguments that set tracker parameters; `scenario` is the help of scenario files."""
-    parser.add_argument("--scenario", type=Path, help=scenario)
+    parser.add_argument("--scenario", type=resources.scenario, metavar="FILE", help=scenario)
     add_params_file_argument(parser)
     add_assignments_argument(parser)
 

@@ -227,7 +227,7 @@ def main(argv: Sequence[str]) -> int:
         help="file for what receivers of self-reports send: sentences of AIS, SBS-1 of aircraft",
     )
     command.add_parameter_arguments(
-        parser, "scenario file to simulate; without one the reference scenario"
+        parser, "scenario file, or the name of a shipped one; without it the reference scenario"
     )
 
     def work(arguments: argparse.Namespace) -> int:
