@@ -30,8 +30,9 @@ MOST_IN_A_SECOND = 10
 # An aircraft is well heard after this many messages, and until this time after the last.
 WELL_HEARD, WELL_HEARD_NS = 20, 60 * NS
 # The same position with the same time within this time is the same message, by another receiver;
-# without a time, within the shorter one.
-AGAIN_NS, AGAIN_UNTIMED_NS = 2 * NS, 3 * NS // 10
+# without a time, within the shorter one. What moves faster than `MOVING`, m/s, is never at a place
+# again, so that its message may come from a slow network, within `LATE_NS`.
+AGAIN_NS, AGAIN_UNTIMED_NS, LATE_NS, MOVING = 2 * NS, 3 * NS // 10, 10 * NS, 0.5
 # Largest number of a ship, and the numbers of no aircraft.
 LARGEST_MMSI, LARGEST_ICAO = 999_999_999, 2**24 - 1
 
@@ -71,7 +72,10 @@ class Transmitter:
     motion_ns: int = 0
     last: Heard | None = None  # The last position, and when it came
     last_ns: int = 0
-    recent_ns: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_IN_A_SECOND))
+    # When the latest positions came, with each one's latitude, longitude and time.
+    recent: deque[tuple[int, tuple[float, float, int]]] = field(
+        default_factory=lambda: deque(maxlen=MOST_IN_A_SECOND)
+    )
 
 
 class Transmitters:
@@ -204,23 +208,25 @@ class Transmitters:
             return None
         came_ns = self.latest_ns if received_ns is None else received_ns
         identified = heard.address != NONE
-        times = one.recent_ns
-        if identified and len(times) == MOST_IN_A_SECOND and 0 <= came_ns - times[0] < NS:
+        recent = one.recent
+        if identified and len(recent) == MOST_IN_A_SECOND and 0 <= came_ns - recent[0][0] < NS:
             self.counts["too_many"] += 1
             return None
-        times.append(came_ns)
+        recent.append((came_ns, _place(heard)))
         one.last, one.last_ns = heard, one.now_ns
         return Dated(time_ns, _complete(one, heard))
 
     @staticmethod
     def _is_again(one: Transmitter, heard: Heard) -> bool:
-        last = one.last
-        if last is None or heard.address == NONE:
+        if heard.address == NONE:
             return False
-        within_ns = AGAIN_UNTIMED_NS if heard.own_ns == NONE else AGAIN_NS
-        place = heard.latitude, heard.longitude, heard.own_ns
-        same = (last.latitude, last.longitude, last.own_ns) == place
-        return same and 0 <= one.now_ns - one.last_ns < within_ns
+        within_ns = AGAIN_UNTIMED_NS
+        if heard.own_ns != NONE:
+            within_ns = LATE_NS if heard.speed > MOVING else AGAIN_NS
+        place = _place(heard)
+        return any(
+            each == place and 0 <= one.now_ns - came_ns < within_ns for came_ns, each in one.recent
+        )
 
     @staticmethod
     def _stands(one: Transmitter, heard: Heard, received_ns: int) -> bool:
@@ -237,6 +243,11 @@ class Transmitters:
             if self._clock_ns != NONE and abs(own_ns - self._clock_ns) < self.CLOCKS_AGREE_NS:
                 self.latest_ns = own_ns
             self._clock_ns = own_ns
+
+
+def _place(heard: Heard) -> tuple[float, float, int]:
+    """Return what two messages of one position have in common."""
+    return heard.latitude, heard.longitude, heard.own_ns
 
 
 def _multiple(passed_ns: int, period_ns: int) -> int:

@@ -9,9 +9,12 @@ assignment within `CUTOFF`, at the times of the truth.
 from __future__ import annotations
 
 import argparse
+import io
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -23,7 +26,7 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, yaml_files
-from phd_jdtc_ros.tools import simulate
+from phd_jdtc_ros.tools import simulate, tune
 from phd_jdtc_ros.tools.track_bag import track_bag
 
 from .. import runner
@@ -37,6 +40,12 @@ PEER = "plot Kalman"
 EQUIPPED, OTHERS = GROUPS = "equipped", "others"
 # Goals: errors relative to those of the radar alone.
 MOST = {EQUIPPED: 0.2, OTHERS: 1.02}
+# Errors of the proposed biases: the entry among a radar's, the scale of the simulated one, as
+# azimuths of this radar count counter-clockwise, digits, unit, and the goal in every run.
+BIASES = {
+    "range_bias": (0, 1.0, 1, "m", 5.0),
+    "azimuth_bias_deg": (2, -1.0, 4, "deg", 0.01),
+}
 
 
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
@@ -51,10 +60,15 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         if simulate.main(words):
             raise StudyError(f"{SCENARIO}: not simulated")
         values = bag_parameters.read(bag) or {}
+        ((radar, bias),) = document["biases"].items()
+        own = [0.0] * 4
+        for name, (entry, scale, *_) in BIASES.items():
+            own[entry] = scale * bias[name]
+        proposed = _proposed(bag, Path(directory) / "proposed.yaml")[f"{radar}.biases"]
+        figures["bias_errors"] = {
+            name: abs(proposed[entry] - own[entry]) for name, (entry, *_) in BIASES.items()
+        }
         if not arguments.biased:
-            ((radar, bias),) = document["biases"].items()
-            # Azimuths of this radar count counter-clockwise.
-            own = [bias["range_bias"], 0.0, -bias["azimuth_bias_deg"], 0.0]
             values |= {f"{radar}.biases": own}
         for name in RUNS:
             first, last = values["sensors"]
@@ -80,6 +94,21 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
                 figures[PEER] = _scored(record.truth, points, equipped)
     figures["ratio"] = {group: figures[JOINT][group] / figures[RADAR][group] for group in GROUPS}
     return figures
+
+
+def _proposed(bag: Path, out: Path) -> Mapping[str, Any]:
+    """Return the parameters that `tune` proposes for a bag."""
+    with redirect_stdout(io.StringIO()):
+        if tune.main([str(bag), "--out", str(out)]):
+            raise StudyError(f"{SCENARIO}: tune failed")
+    return from_arguments.load(out)
+
+
+def _combined(found: Sequence[Figures]) -> Figures:
+    """Return the means of figures, and the largest errors of biases."""
+    several = {"half_width": runner.half_width(found)} if len(found) > 1 else {}
+    largest = {name: max(each["bias_errors"][name] for each in found) for name in BIASES}
+    return {**runner.mean(found), "largest_bias_errors": largest, **several}
 
 
 def _scored(truths: Sequence[Truth], found: Mapping[int, PointSet], equipped: set[int]) -> Figures:
@@ -129,7 +158,18 @@ def _tables(figures: Figures) -> Sequence[Table | str]:
         )
     rows.append(("switches of numbers", *(f"{each['switches']:.1f}" for each in by_run), ""))
     headings = ("aircraft", "radar alone", PEER, "ADS-B alone", "both", "both / radar")
-    return [runner.table("RMS error, and switches in a run", headings, rows)]
+    errors = figures["bias_errors"], figures["largest_bias_errors"]
+    biases = [
+        (
+            name.replace("_deg", "").replace("_", " "),
+            *(f"{e[name]:.{digits}f} {unit}" for e in errors),
+        )
+        for name, (_, _, digits, unit, _) in BIASES.items()
+    ]
+    return [
+        runner.table("RMS error, and switches in a run", headings, rows),
+        runner.table("biases that tune proposes", ("bias", "mean error", "largest"), biases),
+    ]
 
 
 def _goals(figures: Figures) -> list[Goal]:
@@ -137,7 +177,15 @@ def _goals(figures: Figures) -> list[Goal]:
         runner.goal(f"RMS error of {group} aircraft / radar alone", figures["ratio"][group], most)
         for group, most in MOST.items()
     ]
-    return [*goals, runner.goal("switches of numbers", figures[JOINT]["switches"], 0.0)]
+    largest = figures["largest_bias_errors"]
+    return [
+        *goals,
+        runner.goal("switches of numbers", figures[JOINT]["switches"], 0.0),
+        *(
+            runner.goal(f"largest error of tune's {name}", largest[name], most)
+            for name, (*_, most) in BIASES.items()
+        ),
+    ]
 
 
 STUDY = Study(
@@ -148,5 +196,6 @@ STUDY = Study(
     goals=_goals,
     seed=700,
     runs=12,
+    combined=_combined,
     add_arguments=_add_arguments,
 )

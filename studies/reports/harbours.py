@@ -101,6 +101,8 @@ RADAR_ALONE, REPORTS_ALONE, BOTH, PEER = "radar alone", "AIS alone", "both", "pl
 TRACKERS = RADAR_ALONE, PEER, REPORTS_ALONE, BOTH
 # Lies by the velocity that goes with them, in turn by seed.
 LIES = ("velocity that fits", "true velocity")
+# Its calls are counted from the begin of the lie, and from the receipt of the first false report.
+LIAR_CALLS = {"liar": "liar called", "liar_heard": "liar called, after a false report"}
 
 
 class Transmitters(NamedTuple):
@@ -253,8 +255,18 @@ def _errors(seen: Scenario, found: Iterable[tuple[int, FloatArray]]) -> dict[str
 class Scores:
     """What is counted in one run."""
 
-    def __init__(self, seen: Scenario, lie: str) -> None:
+    def __init__(self, seen: Scenario, lie: str, told: Sequence[tuple[float, SelfReports]]) -> None:
         self._seen, self._lie, self._addresses = seen, lie, addresses()
+        # Before a false report is received nobody can call its liar.
+        self._lied_s = min(
+            (
+                received_s
+                for received_s, report in told
+                if report.address[0] == self._addresses[KINDS.index(LIAR)]
+                and (report.time_ns[0] - START_NS) * 1e-9 > LIES_S
+            ),
+            default=math.inf,
+        )
         # Numbers of ships' tracks, of the radar alone and with reports.
         self._numbers: dict[int, tuple[int, int]] = {}
         self._since: dict[int, float] = {}
@@ -268,7 +280,8 @@ class Scores:
             **{"source_hours": 0.0, "changes": [0, 0]},
             # By kind, of those that are not dark.
             **{name: dict.fromkeys(TRUE_KINDS, 0.0) for name in ("false_dark", "ship_hours")},
-            **{"calls": [None] * KINDS.count(DARK), "liar": {lie: [None]}},
+            **{"calls": [None] * KINDS.count(DARK)},
+            **{name: {lie: [None]} for name in LIAR_CALLS},
         }
 
     def add(self, alone: Estimates, joint: Estimates) -> None:
@@ -356,9 +369,9 @@ class Scores:
         heard = set(told.address[named].tolist()) - ({liar} if now_s > LIES_S else set())
         self.figures["source_hours"] += len(heard) * TURN_S / 3600.0
         self.figures["false_doubts"] += len((doubted - self._doubted) & heard)
-        calls = self.figures["liar"][self._lie]
+        calls, heard_calls = (self.figures[name][self._lie] for name in LIAR_CALLS)
         if now_s > LIES_S and liar in doubted and calls[0] is None:
-            calls[0] = now_s - LIES_S
+            calls[0], heard_calls[0] = now_s - LIES_S, max(now_s - self._lied_s, 0.0)
         self._doubted = doubted
 
 
@@ -370,7 +383,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     own = STEADY if arguments.steady else AIS
     plots, told = simulate_reports(seen, radar.radars, seed), received(seen, lie, rng, own)
     scores, (alone, joint) = (
-        Scores(seen, lie),
+        Scores(seen, lie, told),
         ([*_tracked(radar, plots, [])], [*_tracked(both, plots, told)]),
     )
     for estimates in zip(alone, joint, strict=True):
@@ -409,9 +422,12 @@ def _combined(found: Sequence[Figures]) -> Figures:
         "rms": rms,
         "nees": float(np.mean(every("nees"))),
         "calls": _times(every("calls")),
-        "liar": {
-            lie: _times([time_s for own in found for time_s in own["liar"].get(lie, ())])
-            for lie in LIES
+        **{
+            name: {
+                lie: _times([time_s for own in found for time_s in own[name].get(lie, ())])
+                for lie in LIES
+            }
+            for name in LIAR_CALLS
         },
         **{name: sum(own[name] for own in found) for name in totals},
         **{
@@ -453,7 +469,11 @@ def _tables(figures: Figures) -> list[Table | str]:
             (f"called dark, but is not: {kind}", _rate(false[kind], ship_h[kind], "ship"))
             for kind in TRUE_KINDS
         ),
-        *((f"liar called, {lie}", _shown(each)) for lie, each in figures["liar"].items()),
+        *(
+            (f"{text}, {lie}", _shown(each))
+            for name, text in LIAR_CALLS.items()
+            for lie, each in figures[name].items()
+        ),
         ("false doubts", _rate(figures["false_doubts"], source_h, "source")),
         ("wrong owners", f"{figures['wrong']} of {figures['owned']}"),
         ("changes of track numbers", "{1}, of the radar alone {0}".format(*figures["changes"])),

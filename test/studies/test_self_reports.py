@@ -22,6 +22,8 @@ def test_reports_help_the_radar_and_tell_who_is_dark_and_who_lies(tmp_path, caps
     # Of odd seeds the lie goes with the true velocity.
     fits, true = found["liar"].values()
     assert (fits["of"], true["of"], true["called"]) == (0, 1, 1)
+    since_report = found["liar_heard"]["true velocity"]["largest_s"]
+    assert 0.0 <= since_report < true["largest_s"]
     assert found["owned"] > 500
     assert found["wrong"] < 0.01 * found["owned"]
     dark = found["calibration"]["dark"]

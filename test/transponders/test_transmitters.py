@@ -188,6 +188,27 @@ def test_the_same_message_of_a_second_receiver_is_left_out():
     assert found.counts == {"repeated": 2}
 
 
+@pytest.mark.parametrize("every_s", [2, 10])
+def test_a_moving_ship_of_a_second_receiver_that_is_seconds_late_is_left_out(every_s):
+    found, came = rules(), []
+    for count in range(6):
+        passed = 20 + count * every_s
+        report = ship(second=passed % 60, latitude=54.5 + 1e-3 * count, speed=8.0)
+        for late_s in (1, 5):
+            came.append((NOW + (passed - 20 + late_s) * S, report))
+    dated = [found.take(report, now_ns) for now_ns, report in sorted(came, key=lambda own: own[0])]
+    times = [each.time_ns for each in dated if each]
+    assert times == [NOW + S // 2 + count * every_s * S for count in range(6)]
+    assert found.counts == {"repeated": 6}
+
+
+def test_a_receiver_whose_positions_stand_is_heard():
+    found = rules()
+    heard = [found.take(ship(speed=8.0), NOW + count * 10 * S) for count in range(6)]
+    assert all(heard)
+    assert found.counts == {"time_stands": 5}
+
+
 def test_an_address_that_differs_by_one_bit_must_be_heard_twice():
     found = rules()
     for number in range(20):

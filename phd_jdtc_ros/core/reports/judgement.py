@@ -63,20 +63,24 @@ def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
         np.full(size, index), tracks.mean[:, 2:], tracks.covariance[:, 2:, 2:], gap_s
     )
     losses = layer.losses[index]
-    quiet, rarely = (
-        np.where(
+    # Before its second report nobody knows how often a transmitter reports, unless it says so.
+    rare = np.where(gap_s > 0.0, 0.0, habits.rare)
+    quiet, unnoticed_s = np.zeros(size), np.zeros(size)
+    for share, each_s in (
+        (1.0 - rare, interval_s),
+        (rare, np.maximum(interval_s, habits.rare_s)),
+    ):
+        quiet += share * np.where(
             heard,
             silence.since_report(quiet_s, each_s, losses),
             silence.unheard(quiet_s, each_s, losses),
         )
-        for each_s in (interval_s, np.maximum(interval_s, habits.rare_s))
-    )
-    # Before its second report nobody knows how often a transmitter reports, unless it says so.
-    quiet += np.where(gap_s > 0.0, 0.0, habits.rare) * (rarely - quiet)
+        unnoticed_s += share * losses.unnoticed_s(quiet_s, each_s)
     obliged = np.zeros(size)
     if len(receiver.obliged):
         obliged = tracks.class_probability @ receiver.obliged
-    said = silence.judge(obliged, float(layer.learned.off[index]), heard, quiet, quiet_s)
+    off = float(layer.learned.off[index])
+    said = silence.judge(obliged, off, heard, quiet, unnoticed_s)
     owned = np.zeros(size)
     at = tracks.label.searchsorted(layer.pairs.label)
     of_space = sources.space[sources.number.searchsorted(layer.pairs.source)] == receiver.space

@@ -39,28 +39,54 @@ class Losses(NamedTuple):
         them. From report to report, in sight or hidden is a Markov chain, so that the result is a
         sum of two powers: of the eigenvalues of "it goes over to a state, and is lost there".
         """
-        stays = np.exp(-interval_s / (self.hidden_s * (1.0 - self.hidden)))
-        hides, shows = self.hidden * (1.0 - stays), (1.0 - self.hidden) * (1.0 - stays)
-        trace = (1.0 - hides) * self.lost + 1.0 - shows
-        determinant = self.lost * stays
-        root = np.sqrt(np.maximum(0.25 * trace**2 - determinant, 1e-18))
-        high, low = 0.5 * trace + root, 0.5 * trace - root
-        is_hidden = hidden * (1.0 - shows) + (1.0 - hidden) * hides
-        first = is_hidden + (1.0 - is_hidden) * self.lost
-        share = (first - low) / (high - low)
+        share, high, low = self._powers(interval_s, hidden)
         found: FloatArray = share * high**count + (1.0 - share) * low**count
         return found.clip(0.0, 1.0)
+
+    def unnoticed_s(self, time_s: FloatArray, interval_s: FloatArray) -> FloatArray:
+        """Return how long a transmitter is expected to be silent in a time after a report, (N,).
+
+        That is the integral of `since_report`: if it was switched off at a constant rate, it was so
+        before it would have been heard again.
+        """
+        share, high, low = self._powers(interval_s, 0.0)
+        count = np.floor(time_s / interval_s)
+        whole = sum(
+            weight * (1.0 - base**count) / np.maximum(1.0 - base, 1e-12)
+            for weight, base in ((share, high), (1.0 - share, low))
+        )
+        part = time_s / interval_s - count
+        found: FloatArray = interval_s * (whole + part * self.in_row(count, interval_s, 0.0))
+        return found
 
     def hiding(self, count: FloatArray, interval_s: FloatArray) -> FloatArray:
         """Return the probability that the transmitter was hidden when so many were lost, (N,).
 
         They are all the reports between two that were received.
         """
-        begins = interval_s * self.hidden / (1.0 - self.hidden) / self.hidden_s
-        stays = np.exp(-(count - 1.0) * interval_s / self.hidden_s)
-        hidden = np.minimum(begins, 1.0) * stays
-        found: FloatArray = np.where(count > 0.0, hidden / (hidden + self.lost**count), 0.0)
-        return found
+        hides, _ = self._changes(interval_s)
+        exactly = self.in_row(count, interval_s, 0.0) - self.in_row(count + 1.0, interval_s, 0.0)
+        in_sight = ((1.0 - hides) * self.lost) ** count * (1.0 - hides) * (1.0 - self.lost)
+        found: FloatArray = 1.0 - in_sight / np.maximum(exactly, 1e-300)
+        return np.where(count > 0.0, found.clip(0.0, 1.0), 0.0)
+
+    def _changes(self, interval_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the probabilities that it hides within an interval, and that it shows, (N,)."""
+        goes = -np.expm1(-interval_s / (self.hidden_s * (1.0 - self.hidden)))
+        return self.hidden * goes, (1.0 - self.hidden) * goes
+
+    def _powers(
+        self, interval_s: FloatArray, hidden: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the share of the first power in `in_row`, and the bases of both, (N,)."""
+        hides, shows = self._changes(interval_s)
+        trace = (1.0 - hides) * self.lost + 1.0 - shows
+        determinant = self.lost * (1.0 - hides - shows)
+        root = np.sqrt(np.maximum(0.25 * trace**2 - determinant, 1e-18))
+        high, low = 0.5 * trace + root, 0.5 * trace - root
+        is_hidden = hidden * (1.0 - shows) + (1.0 - hidden) * hides
+        first = is_hidden + (1.0 - is_hidden) * self.lost
+        return (first - low) / (high - low), high, low
 
 
 def unheard(time_s: FloatArray, interval_s: FloatArray, losses: Losses) -> FloatArray:
@@ -86,9 +112,9 @@ class Silent(NamedTuple):
 def judge(
     obliged: FloatArray,
     off_prior: float,
-    was_heard: FloatArray,
+    was_heard: BoolArray,
     quiet: FloatArray,
-    time_s: FloatArray,
+    unnoticed_s: FloatArray,
 ) -> Silent:
     """Return what the silence of targets says.
 
@@ -102,10 +128,10 @@ def judge(
         Whether it has transmitted.
     quiet : array of shape (N,)
         Probability that a transmitter of its kind is silent as it was.
-    time_s : array of shape (N,)
-        Time since it was heard, seconds.
+    unnoticed_s : array of shape (N,)
+        How long it is expected to be silent since it was heard, if it transmits, seconds.
     """
-    off = np.where(was_heard, np.minimum(time_s * SWITCHED_OFF, 0.5), off_prior)
+    off = np.where(was_heard, np.minimum(unnoticed_s * SWITCHED_OFF, 0.5), off_prior)
     has = np.where(was_heard, 1.0 - off, VOLUNTARY)
     weights = np.stack(
         [
