@@ -136,6 +136,7 @@ class TrackerConfig(Tracking):
 
         A report of a turning radar becomes scans of parts of a revolution, and the report of a
         radar with a late clock an earlier scan. Otherwise a report and its scan have one stamp.
+        A scan waits for reports that cover a time, unless it is reprocessed with late ones.
         """
         slices_s = [
             radar.rotation_s / max(radar.sectors / 2.0, 4.0)
@@ -145,7 +146,7 @@ class TrackerConfig(Tracking):
         held_s = [
             ScanGrouper.HELD * radar.rotation_s / max(radar.sectors, 1)
             for radar in self.inputs
-            if radar.fields.time and len(self.inputs) > 1
+            if radar.fields.time and len(self.inputs) > 1 and self.late_reports != "rework"
         ]
         late_s = max((radar.bias.time_offset_s for radar in self.inputs), default=0.0)
         return max(slices_s, default=0.0) + max(self.reorder_s, *held_s, 0.0) + max(late_s, 0.0)

@@ -323,6 +323,9 @@ def test_resolve_refuses_one_field_for_two_quantities():
         ({"radar_1.rotation_s": 4.0}, 1.0),
         ({"radar_1.rotation_s": 4.0, "radar_1.sectors": 16}, 0.5),
         ({"radar_1.rotation_s": 4.0, "radar_2.rotation_s": 4.8, "reorder_s": 4.8}, 6.0),
+        ({"radar_1.rotation_s": 4.0, "radar_1.fields.time": "t"}, 7.0),
+        # A scan that is reprocessed waits for nobody.
+        ({"radar_1.rotation_s": 4.0, "radar_1.fields.time": "t", "late_reports": "rework"}, 1.0),
     ],
 )
 def test_answers_of_turning_radars_are_older_than_their_reports(given, expected):
