@@ -94,15 +94,15 @@ def _to_plots(datagrams: list[bytes]) -> int:
 
 
 def _to_clouds(datagrams: list[bytes]) -> int:
-    from phd_jdtc_ros import asterix_bridge
+    from phd_jdtc_ros.asterix_bridge.clouds import cloud_of
 
     stream, count = PlotStream({}), 0
     for data in datagrams:
         for state, report in stream.feed(data):
-            cloud = asterix_bridge.cloud(report, state)
+            cloud = cloud_of(report, state)
             count += cloud.width
     for state, report in stream.finish():
-        cloud = asterix_bridge.cloud(report, state)
+        cloud = cloud_of(report, state)
         count += cloud.width
     return count
 

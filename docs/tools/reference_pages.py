@@ -10,8 +10,8 @@ from pathlib import Path
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics, outputs
-from phd_jdtc_ros import asterix_bridge as bridge
 from phd_jdtc_ros import report_bridge as reports
+from phd_jdtc_ros.asterix_bridge import configuration as bridge
 from phd_jdtc_ros.configuration.parameters import replaced
 from phd_jdtc_ros.configuration.schema import Parameter, table
 from phd_jdtc_ros.configuration.tables import GROUPS as PARTS

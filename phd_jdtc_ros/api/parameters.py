@@ -13,6 +13,8 @@ import numpy as np
 
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
+from phd_jdtc_ros.calibration.tuning.remarks import remarks
+from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
@@ -224,14 +226,14 @@ class Parameters:
     def remarks(self, findings: Mapping[str, Findings]) -> Iterator[str]:
         """Yield the remarks on what the findings propose and the user has not given."""
         for radar, each in findings.items():
-            for text in proposal.remarks(each, self.given, radar):
+            for text in remarks(each, self.given, radar):
                 yield f"{radar}: {text}"
 
     def with_findings(
         self, findings: Mapping[str, Findings], columns: Collection[str]
     ) -> Parameters:
         """Return a copy with the findings of a recording; given parameters take precedence."""
-        found = {} if self.for_node else proposal.unspecified(findings)
+        found = {} if self.for_node else unspecified(findings)
         found |= {
             k: v for k, v in self.found.items() if k.endswith(("world_origin", ".units.elevation"))
         }

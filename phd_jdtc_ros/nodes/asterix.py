@@ -18,11 +18,12 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.encoding import RejectedMessageError, names
-from phd_jdtc_ros import asterix_bridge
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PERIOD_NS, Cloud, PlotStream, RadarState
-from phd_jdtc_ros.asterix_bridge import TrackOutput
+from phd_jdtc_ros.asterix_bridge import configuration
+from phd_jdtc_ros.asterix_bridge.clouds import cloud_of, topic_of
+from phd_jdtc_ros.asterix_bridge.tracks import MAX_PREDICTION_S, TrackOutput, track_output
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.parameter_files.from_arguments import config_of
@@ -138,7 +139,7 @@ class AsterixBridge(ReceivingNode):
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
         given = parameters.given_values(self, files)
-        self._bridge = asterix_bridge.resolve(given, asterix_bridge.TABLE)
+        self._bridge = configuration.resolve(given, configuration.TABLE)
         self._values = self._bridge.values
         parameters.declare(self, self._bridge.table, self._values)
         self._warnings = ThrottledWarnings(self.get_logger())
@@ -228,8 +229,8 @@ class AsterixBridge(ReceivingNode):
             self._publish(state, report)
 
     def _publish(self, state: RadarState, report: Cloud) -> None:
-        topic = asterix_bridge.topic_of(report, state)
-        self.add_output(topic).publish(asterix_bridge.cloud(report, state))
+        topic = topic_of(report, state)
+        self.add_output(topic).publish(cloud_of(report, state))
 
     def _publish_due(self) -> None:
         if self.is_active and not self._values["replayed"]:
@@ -251,7 +252,7 @@ class AsterixBridge(ReceivingNode):
         self._clouds += 1
         alone = len(self._stream.radars) == 1
         if self._output is None:
-            self._output = asterix_bridge.track_output(self._bridge, alone, self._stream.call_signs)
+            self._output = track_output(self._bridge, alone, self._stream.call_signs)
             self._output.modes = self._modes
         # Radars without a name in the parameters become known while the bridge runs.
         self._output.source = replace(self._output.source, monosensor=alone)
@@ -271,7 +272,7 @@ class AsterixBridge(ReceivingNode):
         if self._sender is None or self._output is None:
             return
         now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
-        if abs(now_ns - stamp_ns) > asterix_bridge.MAX_PREDICTION_S * 1e9:
+        if abs(now_ns - stamp_ns) > MAX_PREDICTION_S * 1e9:
             now_ns = stamp_ns + round((time.monotonic() - self._taken_s) * 1e9)
         if not self._values["output_period_s"]:
             now_ns = stamp_ns

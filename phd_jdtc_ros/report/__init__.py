@@ -6,6 +6,7 @@
       |  decode                              load
     Record                                   record
       |  score                               table (terminal, JSON)
-      |  draw                                page (HTML, Plotly), figures (PNG, Matplotlib)
+      |  draw                                page (HTML, Plotly), figures (PNG, Matplotlib): maps,
+      |                                        curves; residuals of a registration
       |  write the tracks                    track_files (CSV, GeoJSON)
 """

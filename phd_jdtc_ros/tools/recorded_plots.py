@@ -29,6 +29,8 @@ from phd_jdtc_ros.calibration.tuning.plots import (
 )
 from phd_jdtc_ros.calibration.tuning.proposal import Row
 from phd_jdtc_ros.calibration.tuning.rates import area_of
+from phd_jdtc_ros.calibration.tuning.remarks import remarks
+from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.columns.position_selection import unlimited
 from phd_jdtc_ros.columns.selection import Report
@@ -180,7 +182,7 @@ def proposed(
     """Return parameters with all proposed values; `specified` if some were given before."""
     values = dict(given)
     if not specified:
-        values.update(proposal.unspecified(found))
+        values.update(unspecified(found))
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
@@ -205,7 +207,7 @@ def parameters_of(source: Path, note: Callable[[str], None]) -> dict[str, Any]:
     recorded = read(bag, from_arguments.config_of(given))
     found = findings_of(source, recorded)
     for name, each in found.items():
-        for text in proposal.remarks(each, given, name):
+        for text in remarks(each, given, name):
             note(f"{name}: {text}")
     rows = {name: proposal.rows(each, given, name) for name, each in found.items()}
     return proposed(given, found, rows, recorded, specified=False)

@@ -40,7 +40,7 @@ from phd_jdtc_ros.core.types import SelfReports
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.quoting import counts_text
-from phd_jdtc_ros.report import figures, style
+from phd_jdtc_ros.report import residuals, style
 from phd_jdtc_ros.report.load import Intact
 
 from . import command, recorded_plots
@@ -134,7 +134,7 @@ def table(every: Sequence[Row]) -> Table:
     return shown
 
 
-def residuals(found: Registration) -> Table:
+def residual_table(found: Registration) -> Table:
     """Return the residuals of each radar's plots against the common tracks, before and after."""
     shown = Table(title="residuals of plots, root mean square", title_justify="left")
     for name in ("radar", "range before, m", "after, m", "azimuth before, deg", "after, deg"):
@@ -218,10 +218,10 @@ def _work(arguments: argparse.Namespace) -> int:
     console.width = max(console.width, 110)
     corrected = rows(found, parameters, now)
     console.print(table(corrected))
-    console.print(residuals(found))
+    console.print(residual_table(found))
     print(*remarks(found), sep="\n")
     if drawn is not None:
-        style.save(figures.residuals(found), drawn)
+        style.save(residuals.draw(found), drawn)
         print(f"{drawn}: residuals before and after")
     status = OK if damage is None else fail("register", damage)
     head = f"Registered from {source}\nand {where}.\nA comment gives the basis of each correction."

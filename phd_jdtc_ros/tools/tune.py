@@ -25,6 +25,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
+from phd_jdtc_ros.calibration.tuning.remarks import remarks
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import from_arguments
@@ -91,7 +92,7 @@ def _work(arguments: argparse.Namespace) -> int:
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))
-        for text in (*recorded.warnings[radar], *proposal.remarks(each, given, radar)):
+        for text in (*recorded.warnings[radar], *remarks(each, given, radar)):
             console.print(f"{radar}: {text}", soft_wrap=True, markup=False, highlight=False)
     from_arguments.config_of(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)

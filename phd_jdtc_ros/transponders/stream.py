@@ -19,7 +19,7 @@ from .ais import AisReader
 from .messages import NAME_SIZE, NONE, Heard
 from .transmitters import Dated, Transmitters
 
-# Marks an unknown address in a cloud.
+# Marks an unknown address or code in a cloud.
 UNKNOWN = 2**32 - 1
 # Columns of double precision.
 WIDE = ("latitude", "longitude", "time")

@@ -16,7 +16,7 @@ from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
-from phd_jdtc_ros.asterix_bridge import columns
+from phd_jdtc_ros.asterix_bridge.clouds import columns
 from phd_jdtc_ros.transponders import stream
 from phd_jdtc_ros.transponders.stream import Batch
 from phd_jdtc_ros.transport.network import RecordingError

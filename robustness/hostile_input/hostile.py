@@ -13,11 +13,11 @@ import numpy as np
 
 from msg_adapters.encoding import names
 from msg_adapters.incoming.detections import OWN_LAYOUT, from_msg, to_msg
-from phd_jdtc_ros import asterix_bridge
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.asterix_bridge import configuration
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.plots import PlotRevolutions
 from phd_jdtc_ros.configuration.engines import new_pipeline
@@ -181,7 +181,7 @@ def _forged_record_times() -> dict[str, str]:
         path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
         path.write_bytes(pcap.header() + b"".join(packets))
         try:
-            done = bridge.convert(path, out, asterix_bridge.resolve({}), None, ())
+            done = bridge.convert(path, out, configuration.resolve({}), None, ())
         except Exception as error:  # Any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
         clouds = sum(1 for _ in BagReader(out).messages([names.detections("radar_1_1")]))

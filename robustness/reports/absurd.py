@@ -22,7 +22,7 @@ from msg_adapters.outgoing import diagnostics
 from msg_adapters.targets import estimates, truth
 from phd_jdtc_ros.asterix.messages import CallSigns
 from phd_jdtc_ros.asterix.writing import Source
-from phd_jdtc_ros.asterix_bridge import TrackOutput
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.columns.position_selection import AREA
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline

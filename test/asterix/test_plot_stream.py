@@ -9,8 +9,9 @@ import pytest
 from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.messages import DAY, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix_bridge import UNKNOWN, columns
+from phd_jdtc_ros.asterix_bridge.clouds import columns
 from phd_jdtc_ros.core.intake.sectors import coverage_of
+from phd_jdtc_ros.transponders.stream import UNKNOWN
 
 NS = 10**9
 SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]

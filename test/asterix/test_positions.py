@@ -8,10 +8,10 @@ import asterix_reference
 import pytest
 from asterix_reference import value
 
-from phd_jdtc_ros import asterix_bridge
 from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.messages import PositionMessage
 from phd_jdtc_ros.asterix.plot_stream import BlockReader, PlotStream
+from phd_jdtc_ros.asterix_bridge import configuration
 from phd_jdtc_ros.transponders.messages import (
     FOOT,
     ICAO,
@@ -339,7 +339,7 @@ def test_records_that_are_not_used_are_counted_by_reason(number, record, reason)
 
 
 def stream(**more):
-    return PlotStream({}, locate=asterix_bridge.locate, **more)
+    return PlotStream({}, locate=configuration.locate, **more)
 
 
 def block_of(time_s, latitude=52.0, **items):
@@ -389,7 +389,7 @@ def test_places_in_a_plane_need_the_place_of_their_source():
     assert not found.feed(block, NOON_NS) + found.finish()
     (state,) = found.radars.values()
     assert state.counts["place_unknown"] == 1
-    bridge = asterix_bridge.resolve(
+    bridge = configuration.resolve(
         {"radars": ["apron"], "apron.source": [25, 3], "apron.geodetic": [52.0, 4.5, 0.0]}
     )
     found = bridge.stream(found.clock)

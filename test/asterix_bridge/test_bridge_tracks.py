@@ -10,7 +10,7 @@ from msg_adapters.encoding import RejectedMessageError, point_cloud
 from msg_adapters.targets import estimates
 from phd_jdtc_ros.asterix.messages import NONE, CallSigns
 from phd_jdtc_ros.asterix.writing import Source
-from phd_jdtc_ros.asterix_bridge import TrackOutput
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.state_space import SPATIAL
 from phd_jdtc_ros.core.types import Estimates

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from phd_jdtc_ros import asterix_bridge as bridge
+from phd_jdtc_ros.asterix_bridge import configuration as bridge
+from phd_jdtc_ros.asterix_bridge.tracks import MAX_PREDICTION_S
 from phd_jdtc_ros.configuration import build, models, sensor_models
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.parameters import replaced
@@ -118,7 +119,7 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
         ("silent_after_scans", health.SILENT_AFTER_SCANS),
-        ("max_prediction_s", bridge.MAX_PREDICTION_S),
+        ("max_prediction_s", MAX_PREDICTION_S),
         ("smoothed_wait_s", hand_over.SMOOTHED_WAIT_S),
     ],
 )

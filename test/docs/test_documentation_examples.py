@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
-from phd_jdtc_ros import Tracker, asterix_bridge
+from phd_jdtc_ros import Tracker
 from phd_jdtc_ros.api.parameters import RECOGNISED
 from phd_jdtc_ros.api.tables import table_of
+from phd_jdtc_ros.asterix_bridge.configuration import resolve as resolve_bridge
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
@@ -34,7 +35,7 @@ SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scena
 # Functions that read the examples of pages on nodes' own parameters, and all others.
 RESOLVED = {
     "nodes/asterix_bridge": lambda path: (
-        asterix_bridge.resolve(from_arguments.load(path, "asterix_bridge")).radars
+        resolve_bridge(from_arguments.load(path, "asterix_bridge")).radars
     ),
     "nodes/hand_over": lambda path: (
         hand_over.resolve(from_arguments.load(path, "hand_over")).regions

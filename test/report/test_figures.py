@@ -17,7 +17,7 @@ from records import (
 )
 
 from phd_jdtc_ros.core.types.clutter_raster import ClutterRaster
-from phd_jdtc_ros.report import figures, style
+from phd_jdtc_ros.report import figures, maps, style
 from phd_jdtc_ros.report.figures import write_all
 from phd_jdtc_ros.report.record import RadarPlots
 from phd_jdtc_ros.report.style import Clock
@@ -40,7 +40,7 @@ def png_size(path: Path):
 @pytest.fixture
 def few_pixels(monkeypatch):
     """Draw pictures whose size is not looked at with fewer pixels, which take less time."""
-    for module in (style, figures):
+    for module in (style, maps):
         monkeypatch.setattr(module, "DPI", 20)
 
 

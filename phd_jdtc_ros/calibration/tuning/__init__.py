@@ -8,5 +8,6 @@ noise; `noise` estimates the noise, given tracks, by the likelihood of their inn
 loops over plots are compiled, in `linking`, and loaded when the first recording is evaluated.
 `rates` estimates the detection probability, the clutter rate and the coverage, finds copies of
 plots, and whether what stays in its place is clutter. `findings` alternates between these and holds
-the results, which `proposal` turns into parameters.
+the results. `proposal` turns them into parameters, `unspecified` into those of a tracker without a
+configuration, and `remarks` into sentences for the user.
 """

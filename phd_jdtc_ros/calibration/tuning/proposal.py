@@ -1,7 +1,4 @@
-"""Findings as tracker parameters: proposed value, standard deviation and current value.
-
-A recording without a configuration gets one class, born at detections.
-"""
+"""Findings as tracker parameters: proposed value, standard deviation and current value."""
 
 from __future__ import annotations
 
@@ -16,21 +13,11 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
-from .findings import (
-    FASTEST,
-    LEAST_DENSITY,
-    MOST_BESIDE,
-    MOST_CROWDED,
-    MOST_LAND,
-    SPEED_MARGIN,
-    Findings,
-    TuningError,
-)
+from .findings import MOST_BESIDE, MOST_CROWDED, Findings, TuningError
 from .noise import Noise
 from .rates import MARGIN
+from .rounding import round_to_std, round_up
 
-# Plausible false alarm probabilities of a receiver; outside them the noise level is unknown.
-ALARMS = (1e-12, 0.5)
 # A configured maximum range is kept if no plot lies beyond it and it is below this many times the
 # range of the farthest plot.
 MOST_BEYOND = 1.5
@@ -44,16 +31,6 @@ SHORTEST_LOOK_S = 1e-3  # The smallest interval_s
 NOISE = ("range_std", "azimuth_std_deg")
 # The engine whose measurement noise may have outliers.
 GAUSSIAN = "gaussian"
-# Causes of velocities that are so many times the changes of lengths.
-UNITS = {
-    "{what} are in feet": 0.3048,
-    "{what} are in kilometres, or times in milliseconds": 1000.0,
-    "{what} are in nautical miles": 1852.0,
-    "{own} are in km/h": 3.6,
-    "{own} are in knots": 1.9438,
-    "{own} are in feet per second": 3.2808,
-    "{own} are in miles per hour": 2.2369,
-}
 
 # Returns the current value of a radar's parameter, None if none is set.
 Now = Callable[[str], Any]
@@ -94,7 +71,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         *detection,
         max_range,
         *_clutter(found, now, max_range.value if max_range.proposed else max_range.now, fov),
-        *_clutter_map(found, now, _knows_rest(values)),
+        *_clutter_map(found, now, knows_rest(values)),
         *fov,
         *_amplitudes(found, now),
         *_motion(found),
@@ -237,7 +214,7 @@ def _clusters(found: Findings, now: Now) -> Iterator[Row]:
 
 
 def _max_range(found: Findings, limit: float | None) -> Row:
-    farthest = _round_up(found.field.max_range)
+    farthest = round_up(found.field.max_range)
     proposed = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
     return Row("max_range", farthest, f"{found.plots} plots", limit, proposed=proposed)
 
@@ -255,7 +232,7 @@ def _clutter(found: Findings, now: Now, max_range: Any, fov: Sequence[Row]) -> I
     learned = "clutter" in (now("learn") or ())
     proposed = given is None or not learned
     yield Row("clutter_rate", value, source, given, whole * rate.std, proposed)
-    step = 0.01 * _round_up(found.field.max_range)
+    step = 0.01 * round_up(found.field.max_range)
     clutter_range = round_to_std(found.field.clutter_range, step)
     value, given = min(clutter_range, max_range), now("clutter_max_range")
     if found.clutter_density is not None:
@@ -276,7 +253,7 @@ def _clutter_map(found: Findings, now: Now, knows_rest: bool) -> Iterator[Row]:
     if found.slow_speed and not knows_rest:
         source = f"{100.0 * found.resting:.0f} % of plots in recurring places"
         yield Row("clutter_map", True, source, now("clutter_map"))
-        speed, own = _map_speed(found, now), f"slow targets move at {found.slow_speed:.2g} m/s"
+        speed, own = map_speed(found, now), f"slow targets move at {found.slow_speed:.2g} m/s"
         if speed != _given_speed(now):
             yield Row("clutter_map_speed", speed, own, now("clutter_map_speed"))
     elif found.crowded > MOST_CROWDED:
@@ -287,93 +264,7 @@ def _clutter_map(found: Findings, now: Now, knows_rest: bool) -> Iterator[Row]:
             yield Row("clutter_map_speed", 0.0, source, now("clutter_map_speed"))
 
 
-def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[str]:
-    """Yield a sentence about each decision that a user may want to change.
-
-    `values` has the parameters that the user has given; see `rows`.
-    """
-
-    def now(name: str) -> Any:
-        return values.get(f"{radar}.{name}")
-
-    yield from _units(found)
-    if found.elevations is not None and now("units.elevation") in (None, "rad", "deg", "mrad"):
-        low, high = (math.degrees(edge) for edge in found.elevations.limits)
-        if low > 30.0 and high > 80.0:
-            yield (
-                f"elevations are from {low:.0f} to {high:.0f} degrees above the horizon; if they "
-                f"are angles from the zenith, set {radar}.units.elevation to zenith_rad or "
-                "zenith_deg"
-            )
-        elif low < -10.0 and high < 1.0:
-            yield (
-                f"elevations are from {low:.0f} to {high:.0f} degrees; if they count downwards, "
-                f"set {radar}.units.elevation to down_rad or down_deg"
-            )
-    copies = found.copies
-    if copies is not None and copies.delay_s:
-        yield (
-            f"{len(copies.rows)} detections are copies of others, {copies.delay_s:.3g} s later at "
-            "the same place with the same errors; each target may have several tracks. Leave the "
-            "copies out; is every plot recorded twice?"
-        )
-    elif copies is not None and now("cluster_distance") is None:
-        yield (
-            f"{len(copies.rows)} detections are copies of others, {copies.distance:.3g} m away in "
-            f"the same scan with the same errors; {radar}.cluster_distance now merges what is no "
-            "farther apart. Is every plot recorded twice, or are two recordings joined?"
-        )
-    elif found.beside > MOST_BESIDE and now("cluster_distance") is None:
-        yield (
-            f"{100.0 * min(found.beside, 1.0):.0f} % of the tracked detections have another one "
-            f"within their noise in the same scan; {radar}.cluster_distance now merges those that "
-            "are no farther apart than it and their noise. Is every plot recorded twice?"
-        )
-    if found.resting <= MOST_LAND or now("clutter_map") is not None or _knows_rest(values):
-        return
-    begin = f"{100.0 * found.resting:.0f} % of the detections are in recurring places"
-    if not found.slow_speed:
-        yield (
-            f"{begin}, and may be of targets at rest, which are tracked; set {radar}.clutter_map "
-            "to true if they are clutter"
-        )
-    elif speed := _map_speed(found, now):
-        yield (
-            f"{begin}, which clutter_map: true takes for clutter: targets slower than {speed:g} "
-            f"m/s are not reported; set {radar}.clutter_map_speed to 0 if they are ships at anchor"
-        )
-
-
-def _units(found: Findings) -> Iterator[str]:
-    """Yield a sentence if speeds show that lengths, times or velocities are in other units."""
-    what, own = ("x and y", "velocities") if found.of_places else ("ranges", "range rates")
-    corners = np.reshape(found.field.area or (0.0, found.field.max_range), (2, -1))
-    extent, speed = float(np.ptp(corners, axis=0).max()), math.sqrt(2.0) * found.speed_std
-    ratio = math.nan if found.velocity is None else found.velocity.ratio
-    # By less, slopes of positions may be wrong because targets turn.
-    if ratio < 0.8 or ratio > 1.25:
-        fits = [each for each, of in UNITS.items() if 0.95 < abs(ratio) / of < 1.05]
-        causes = [each.format(what=what, own=own) for each in fits]
-        causes += [f"{own} are positive for what approaches"] * (ratio < 0.0)
-        yield (
-            f"{own} are {ratio:.3g} times the changes of {what}, so that they contradict each "
-            f"other; probably {' and '.join(causes) or 'one of them is in another unit'}: metres "
-            "and metres per second are expected"
-        )
-    # A slower pedestrian stands, and who looks at such things looks at 500 m at most.
-    elif extent < 500.0 and speed < 0.5 and found.movers:
-        yield (
-            f"{what} extend over {extent:.3g} m and targets move at {speed:.2g} m/s; if {what} are "
-            "in kilometres, multiply them by 1000, and if in nautical miles by 1852"
-        )
-    elif speed > FASTEST:
-        yield (
-            f"targets move at {speed:.2g} m/s; if times are in minutes, multiply them by 60, and "
-            f"if {what} are in centimetres or millimetres, divide them by 100 or 1000"
-        )
-
-
-def _knows_rest(values: Mapping[str, Any]) -> bool:
+def knows_rest(values: Mapping[str, Any]) -> bool:
     """Return whether a class of a configuration is only stationary, which then decides."""
     motions = [values.get(f"{name}.motions") or () for name in values.get("classes", ())]
     # The motion model of a class of things at rest.
@@ -389,7 +280,7 @@ def _given_speed(now: Now) -> float:
     return RadarParameters().clutter_map_speed if given is None else float(given)
 
 
-def _map_speed(found: Findings, now: Now) -> float:
+def map_speed(found: Findings, now: Now) -> float:
     """Return a speed below which a map hides no moving target, m/s."""
     # Upper bound of a clutter map's speed, as a share of the speed of slow targets.
     slow = 0.5 * found.slow_speed
@@ -435,7 +326,7 @@ def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
         yield Row("amplitudes", "none", f"{found.plots} plots", proposed=False)
         return
     alarm, name = levels.false_alarm_probability, "false_alarm_probability"
-    known = ALARMS[0] <= alarm <= ALARMS[1]
+    known = levels.noise_is_known
     value = round_to_std(alarm, 0.1 * alarm)
     source = f"{levels.clutter + levels.targets} amplitudes"
     yield Row(name, value, source, now(name), proposed=known)
@@ -470,109 +361,3 @@ def _fov(found: Findings, now: Now) -> Iterator[Row]:
     begin = round((begin + 180.0) % 360.0 - 180.0, 1)
     value = [begin, round(begin + width, 1)]
     yield Row("fov_deg", value, f"{found.plots} plots", now("fov_deg"))
-
-
-def round_to_std(value: float, std: float) -> float:
-    """Return a value rounded to a twentieth of its standard deviation, and to five digits."""
-    if not (math.isfinite(value) and value):
-        return 0.0
-    digits = 5
-    if std > 0.0:
-        digits = min(max(math.ceil(math.log10(abs(value) / std) + 1.3), 2), 5)
-    return float(f"{value:.{digits}g}")
-
-
-def _round_up(value: float) -> float:
-    """Return a value rounded up to two digits."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{math.ceil(value / step - 1e-9) * step:.6g}")
-
-
-# Looks of the smoother's lag, and least displacement by acceleration in this time, as a share of
-# the range's standard deviation. As displacement in a single look, it would exceed the
-# accelerations of slow targets by far where looks are frequent.
-LAG_LOOKS, LEAST_OFF_COURSE = 5.0, 0.1
-# Least standard deviation of the heights of undetected targets, metres, and their floor in standard
-# deviations below the mean.
-LEAST_HEIGHT_STD, FLOOR_SIGMA = 5.0, 3.0
-
-
-def unspecified(found: Mapping[str, Findings]) -> dict[str, Any]:
-    """Return the tracker's parameters outside the sections of at least one radar."""
-    first = min(found.values(), key=lambda each: each.timing.look_s)
-    look_s = first.timing.look_s
-    turning = [each.timing.rotation_s for each in found.values() if each.timing.rotation_s]
-    noise = first.likelier_noise
-    floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
-    calm = max(noise.densities[0], floor, LEAST_DENSITY)
-    hard = max(noise.densities[1], calm)
-    given: dict[str, Any] = {
-        "engine": "gaussian",
-        "interval_s": round_to_std(look_s, 1e-3 * look_s),
-        "lag_s": round_to_std(LAG_LOOKS * look_s, 0.1 * look_s),
-        "classes": ["target"],
-        "births": [],
-        # In a look of a fast sensor hardly any target is new: a false detection is no target there.
-        "detection_births.rates": [round(0.2 * min(look_s, 1.0), 4)],
-        "detection_births.std": [round_to_std(SPEED_MARGIN * first.speed_std, 0.1), 0.02],
-        "spawn.rate": 0.0,
-        "target.survival_probability": _survival_probability(found, look_s),
-    } | _three_motions(calm, hard)
-    heights = [each.elevations.heights for each in found.values() if each.elevations]
-    if heights:
-        own = heights[0]
-        std = max(own[1], LEAST_HEIGHT_STD)
-        floor = own[0] - FLOOR_SIGMA * std
-        given["height_prior"] = [round_to_std(each, 0.1 * std) for each in (own[0], std, floor)]
-    if turning:
-        given["estimates_period_s"] = given["interval_s"]
-    return given | _amplitude_band(found)
-
-
-def _three_motions(calm: float, hard: float) -> dict[str, Any]:
-    """Return straight motion, turns and rare manoeuvres, as in the profile for air traffic.
-
-    Speeds change as little in turns as in straight motion, by the `calm` level of accelerations,
-    m^2/s^3. Manoeuvres have the `hard` one, which braking and accelerating need.
-    """
-    names = ["cv", "ct", "hard"]
-    turn = {"model": "coordinated_turn", "turn_time_constant_s": 40.0}
-    by_motion = {
-        "cv": {"model": "constant_velocity", "noise_density": round_to_std(calm, calm)},
-        "ct": {**turn, "noise_density": round_to_std(calm, calm), "turn_noise_density": 1e-4},
-        "hard": {**turn, "noise_density": round_to_std(hard, hard), "turn_noise_density": 2e-3},
-    }
-    return {
-        "motions": names,
-        "target.motions": names,
-        "target.mode_transition": [0.949, 0.05, 0.001, 0.1, 0.899, 0.001, 0.1, 0.1, 0.8],
-        **{f"{name}.{key}": each for name in names for key, each in by_motion[name].items()},
-    }
-
-
-def _survival_probability(found: Mapping[str, Findings], look_s: float) -> float:
-    """Return the probability that a target survives a look of a length in seconds.
-
-    Each radar's tracks bound the rate of disappearances from above; the lowest bound counts.
-    """
-    rate = min(each.ends.value / each.timing.look_s for each in found.values())
-    # Least probability that a target survives a look. Lost tracks would make a lower one too low.
-    return max(0.99, round(1.0 - round_to_std(rate * look_s, rate * look_s), 6))
-
-
-def _amplitude_band(found: Mapping[str, Findings]) -> dict[str, Any]:
-    """Return the band of the targets' SNRs if every radar's amplitudes exceed a threshold."""
-    # The SNR band is wider than the tracks' levels by this much on either side, dB.
-    beside_db = 5.0
-    known = [each.levels for each in found.values() if each.levels is not None]
-    usable = [
-        levels
-        for levels in known
-        if ALARMS[0] <= levels.false_alarm_probability <= ALARMS[1]
-        and math.isfinite(levels.target_db[0])
-    ]
-    if len(usable) < len(found):
-        return {"amplitude": "none"}
-    low = min(levels.target_db[0] for levels in usable) - beside_db
-    high = max(levels.target_db[1] for levels in usable) + beside_db
-    return {"amplitude": "band", "target.snr_band_db": [round(low, 1), round(high, 1)]}

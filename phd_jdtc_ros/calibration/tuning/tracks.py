@@ -179,6 +179,11 @@ class Levels:
         """Probability that noise exceeds the threshold."""
         return float(np.exp(-0.5 * self.threshold**2))
 
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether this is plausible for a receiver; otherwise the noise level is unknown."""
+        return 1e-12 <= self.false_alarm_probability <= 0.5
+
 
 def levels(plots: Plots, tracks: Tracks) -> Levels | None:
     """Return the amplitudes' statistics; None without amplitudes."""

@@ -417,6 +417,7 @@ def _changes(
     from phd_jdtc_ros.calibration.tuning.findings import findings
     from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
     from phd_jdtc_ros.calibration.tuning.rates import area_of
+    from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 
     name, reports, frame = own.name, [], clouds[0].header.frame_id
     shown = recognised.parameters(clouds) or {}
@@ -447,7 +448,7 @@ def _changes(
         return changes if last else None
     found = replace(found, field=replace(found.field, area=area_of(plots.measurement)))
     if with_targets:
-        changes |= proposal.unspecified({name: found})
+        changes |= unspecified({name: found})
     changes["interval_s"] = proposal.interval_s({name: found})
     rows = proposal.rows(found, {}, name)
     return changes | {f"{name}.{row.name}": row.value for row in rows if row.proposed}

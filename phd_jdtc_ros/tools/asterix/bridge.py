@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from msg_adapters.encoding import names
-from phd_jdtc_ros import asterix_bridge, output_files, resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.asterix import framing, messages, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.messages import NONE, TRACKS, Plot
 from phd_jdtc_ros.asterix.plot_stream import Cloud, PlotStream, RadarState
-from phd_jdtc_ros.asterix_bridge import Bridge
+from phd_jdtc_ros.asterix_bridge import configuration
+from phd_jdtc_ros.asterix_bridge.clouds import cloud_of, topic_of
+from phd_jdtc_ros.asterix_bridge.configuration import Bridge
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader, is_mcap
 from phd_jdtc_ros.bags.writer import BagWriter
@@ -215,8 +217,8 @@ def convert(
     with _recorded(path, bridge, midnight_ns, ports) as (done, reports), BagWriter(out) as bag:
         writer = CloudWriter(bag)
         for state, report in reports:
-            topic = asterix_bridge.topic_of(report, state)
-            writer.write(topic, asterix_bridge.cloud(report, state), report.stamp_ns)
+            topic = topic_of(report, state)
+            writer.write(topic, cloud_of(report, state), report.stamp_ns)
             done.clouds += 1
             done.count(report)
     states = done.radars()
@@ -305,7 +307,7 @@ def _work(arguments: argparse.Namespace) -> int:
     if path.suffix not in ("", ".mcap") and not path.exists():
         raise BagError(f"{path}: no such recording or bag")
     if path.is_file() and not is_mcap(path):
-        return _from_recording(path, arguments, asterix_bridge.resolve(given))
+        return _from_recording(path, arguments, configuration.resolve(given))
     if arguments.csv is not None:
         raise ConfigError(
             f"--csv: given with {path}, which must be a recording of ASTERIX; the tracks of a bag "
@@ -314,9 +316,7 @@ def _work(arguments: argparse.Namespace) -> int:
     return _to_asterix(resources.bag(arguments.source), arguments, given)
 
 
-def _from_recording(
-    path: Path, arguments: argparse.Namespace, bridge: asterix_bridge.Bridge
-) -> int:
+def _from_recording(path: Path, arguments: argparse.Namespace, bridge: Bridge) -> int:
     read, out = convert, arguments.out
     if arguments.csv is not None:
         read, out = tabulate, arguments.csv
@@ -330,7 +330,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     recorded = bag_parameters.read(path) or {}
     config = from_arguments.config_of(recorded)
     if arguments.plots:
-        bridge = asterix_bridge.resolve(given)
+        bridge = configuration.resolve(given)
         done = writing.write_plots(bag, arguments.out, config, bridge)
     else:
         # The map's place on the earth is taken from the tracker's parameters.
@@ -338,7 +338,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         origin = {"world_origin": recorded["world_origin"]} if known else {}
         if config.plane is not None and not known:
             print("the position of the radar is unknown: tracks have no latitudes and longitudes")
-        bridge = asterix_bridge.resolve({**origin, **given})
+        bridge = configuration.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
         done = writing.write_tracks(bag, arguments.out, bridge, topic, config)
     dropped = counts_text(done.dropped)

@@ -17,6 +17,7 @@ from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
+from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.configuration.models import REPLY_PROBABILITY
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
@@ -131,7 +132,7 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
             _set_detection_probability(proposed, radar, own.detection.value)
     if found and found.keys() <= near:
         # Ships, vehicles and taxiing aircraft are slower than aircraft in flight.
-        speeds = proposal.unspecified(found)["detection_births.std"]
+        speeds = unspecified(found)["detection_births.std"]
         proposed.set("detection_births.std", speeds, "measured: the radar sees less than 20 km")
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]
     false = {radar: own.false_share for radar, own in found.items()}

@@ -14,10 +14,12 @@ import numpy as np
 
 from msg_adapters.encoding import RejectedMessageError, interfaces, names
 from msg_adapters.incoming.readers import learn_call_signs_from_cdr, reader_of
-from phd_jdtc_ros import asterix_bridge, output_files
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.asterix import writing as plots_out
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, CallSigns, Plot
-from phd_jdtc_ros.asterix_bridge import NOISE_DBM, Bridge, TrackOutput
+from phd_jdtc_ros.asterix_bridge.clouds import NOISE_DBM
+from phd_jdtc_ros.asterix_bridge.configuration import Bridge
+from phd_jdtc_ros.asterix_bridge.tracks import MAX_PREDICTION_S, TrackOutput, track_output
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.columns import ground_ranges
 from phd_jdtc_ros.columns.sent_columns import fill
@@ -84,7 +86,7 @@ def write_tracks(
     """
     bag.require({topic: names.CLOUD})
     call_signs, radars = CallSigns(), [radar.topic for radar in config.inputs]
-    output = asterix_bridge.track_output(bridge, len(radars) == 1, call_signs)
+    output = track_output(bridge, len(radars) == 1, call_signs)
     output.modes = config.model.modes
     recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
@@ -116,7 +118,7 @@ class _PeriodicOutput:
     ) -> None:
         self._output, self._stream, self._done = output, stream, done
         self._period_ns = period_ns
-        self._max_gap_ns = round(asterix_bridge.MAX_PREDICTION_S * 1e9) + period_ns
+        self._max_gap_ns = round(MAX_PREDICTION_S * 1e9) + period_ns
         self._due_ns: int | None = None
 
     def write_before(self, stamp_ns: int) -> None:

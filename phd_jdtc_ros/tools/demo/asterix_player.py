@@ -22,10 +22,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from msg_adapters.encoding import names
 from msg_adapters.outgoing import diagnostics
-from phd_jdtc_ros import asterix_bridge
 from phd_jdtc_ros.asterix import framing, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix_bridge import Bridge
+from phd_jdtc_ros.asterix_bridge.configuration import Bridge, resolve
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.exit_status import ArgumentParser
@@ -133,7 +132,7 @@ class AsterixPlayer(SensorReplay):
     def __init__(self, given: Namespace, flags: dict[str, Any]) -> None:
         records.prepare()
         config = from_arguments.load_config(given.tracker, names.TRACKER)
-        bridge = asterix_bridge.resolve(bridge_parameters(config))
+        bridge = resolve(bridge_parameters(config))
         topics_of = [own.topic for own in config.receivers] if given.sentences else []
         receivers = dict.fromkeys(topics_of, given.sentences)
         self._bag = Recording(Path(flags["bag"]), given.recording, bridge, receivers)

@@ -8,6 +8,7 @@ from lone import lone
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import findings
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
+from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.core.sensors.gaussians import UNKNOWN_STD
 from phd_jdtc_ros.core.types import Detections
 
@@ -46,7 +47,7 @@ def test_noise_of_elevations_and_their_limits_are_found():
     known = {"radar.fov_elevation_deg": [-2.0, 62.0]}
     kept = {row.name: row for row in proposal.rows(found, known, "radar")}["fov_elevation_deg"]
     assert not kept.proposed
-    prior = proposal.unspecified({"radar": found})["height_prior"]
+    prior = unspecified({"radar": found})["height_prior"]
     assert prior[0] == pytest.approx(mean, rel=0.05)
     assert prior[2] < 900.0
 

@@ -13,6 +13,8 @@ from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import Timing, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import crowded, outside_land, side_by_side
+from phd_jdtc_ros.calibration.tuning.remarks import remarks
+from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -256,7 +258,7 @@ def scene_at_rest(count, probability, seed, speed=6.0):
 def rows_and_remarks(plots, given):
     found = findings(plots)
     rows = {row.name: row.value for row in proposal.rows(found, given, "mast") if row.proposed}
-    return found, rows, [*proposal.remarks(found, given, "mast")]
+    return found, rows, [*remarks(found, given, "mast")]
 
 
 def test_many_echoes_at_rest_that_are_often_missed_are_mapped():
@@ -268,7 +270,7 @@ def test_many_echoes_at_rest_that_are_often_missed_are_mapped():
     assert "targets slower than 2.5 m/s are not reported" in said[0]
     assert "set mast.clutter_map_speed to 0" in said[0]
     for given in ({"mast.clutter_map": True}, {"mast.clutter_map_speed": 0.0}):
-        assert not [*proposal.remarks(found, given, "mast")]
+        assert not [*remarks(found, given, "mast")]
 
 
 def test_a_map_hides_no_target_that_moves():
@@ -421,7 +423,7 @@ def test_survival_is_the_highest_that_the_ends_of_tracks_allow(estimated, rate, 
         timing=replace(found.timing, rotation_s=2.0 * found.timing.rotation_s),
         ends=replace(long.ends, value=2.5 * rate),
     )
-    values = proposal.unspecified({"a": long, "b": slow})
+    values = unspecified({"a": long, "b": slow})
     assert values["target.survival_probability"] == pytest.approx(survival, abs=1e-9)
 
 
@@ -429,11 +431,11 @@ def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimat
     _, found = estimated
     noise = replace(found.noise, range_std=25.0, densities=(1e-5, 0.1))
     ships = replace(found, timing=Timing(1.0), noise=noise, with_outliers=None)
-    values = proposal.unspecified({"mast": ships})
+    values = unspecified({"mast": ships})
     assert values["cv.noise_density"] < 0.2
     assert values["hard.noise_density"] < 4.0
     fast = replace(ships, noise=replace(noise, densities=(2.0, 90.0)))
-    values = proposal.unspecified({"mast": fast})
+    values = unspecified({"mast": fast})
     levels = [values[f"{motion}.noise_density"] for motion in ("cv", "ct", "hard")]
     assert levels == [2.0, 2.0, 90.0]
 
@@ -441,12 +443,12 @@ def test_frequent_looks_do_not_enlarge_the_accelerations_of_slow_targets(estimat
 @pytest.mark.parametrize(("look_s", "rate"), [(4.0, 0.2), (1.0, 0.2), (0.1, 0.02)])
 def test_new_targets_are_expected_by_the_second_where_looks_are_frequent(estimated, look_s, rate):
     found = replace(estimated[1], timing=Timing(look_s))
-    assert proposal.unspecified({"lidar": found})["detection_births.rates"] == [rate]
+    assert unspecified({"lidar": found})["detection_births.rates"] == [rate]
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
     _, found = estimated
-    values = proposal.unspecified({"tower": found, "other": found})
+    values = unspecified({"tower": found, "other": found})
     config = resolve({"sensors": ["tower", "other"], **values})
     assert config.engine == "gaussian"
     assert config.values["interval_s"] == 5.0
