@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phd_jdtc_ros.calibration.comparison import Comparison, Monitor
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
@@ -25,7 +26,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Detections, Estimates, SelfReports
-from phd_jdtc_ros.feed import Feed, Monitor
+from phd_jdtc_ros.feed import Feed
 from phd_jdtc_ros.tally import DetectionCounts, Tally
 
 from .parameters import Parameters
@@ -347,14 +348,12 @@ class _Run:
     def __init__(self, config: TrackerConfig) -> None:
         self.config, self.tally = config, Tally(config)
         self._innovations = InnovationMonitor(config.model)
-        radars = [each for each in config.model.radars if isinstance(each, RadarModel)]
+        radars = config.model.radars
         # It compares radars with each other, and knows no other sensors.
-        compared = len(radars) == len(config.inputs) > 1
-        self._registration = (
-            RegistrationMonitor(tuple(radars), config.model.modes.interval_s) if compared else None
-        )
+        compared = len(radars) > 1 and all(isinstance(each, RadarModel) for each in radars)
+        self._registration = RegistrationMonitor(config.model) if compared else None
         monitors: list[Monitor] = [self._innovations, *filter(None, [self._registration])]
-        self._feed = Feed(config, self.tally, monitors)
+        self._feed = Feed(config, self.tally, [Comparison(config.model, monitors)])
         self._told: list[tuple[int, SelfReports]] = []
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []

@@ -25,16 +25,14 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.factors.noise import MOST, Noise
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
-from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+
+from .comparison import Compared
 
 # Number of innovations, and of differences, of a median.
 MEMORY = 400
 # Largest number of tracks that are compared with a radar's detections of a scan, drawn at random.
 # Medians of `MEMORY` innovations need no more.
 SAMPLE = 50
-# Largest age of an estimate that is compared, and time between two detections of a difference, in
-# scans of the slowest radar.
-MAX_AGE_SCANS = 2.5
 # Number of detections of a difference. The next one begins with the last two of them: the squares
 # of the two are nearly independent, with a correlation of 0.09.
 PLOTS, KEPT = 4, 2
@@ -102,7 +100,7 @@ class _Memory:
 
 
 class InnovationMonitor:
-    """Compares the noise with each radar's detections; it changes no estimate."""
+    """Compares the noise with each radar's detections; see `comparison.Monitor`."""
 
     def __init__(self, model: TrackerModel) -> None:
         self._memories = [_Memory() for _ in model.radars]
@@ -111,50 +109,33 @@ class InnovationMonitor:
             Fit(radar.name, radar.components[:2], 0, unknown, unknown, no, no)
             for radar in model.radars
         ]
-        self._tracks: Estimates | None = None
         self._rng = np.random.default_rng(0)
-        self.retune(model)
+        self.model = model
 
     def retune(self, model: TrackerModel) -> None:
         """Use another model of the same structure from the next scan on."""
-        self._model = model
-        revolutions_s = (radar.rotation_s for radar in model.radars)
-        self._max_age_s = MAX_AGE_SCANS * max([model.modes.interval_s, *revolutions_s])
+        self.model = model
 
     def _learned(self, radar: Sensor) -> BoolArray:
         """Return which components of a radar's position have a learned noise, (2,)."""
-        factors = self._model.factors.get(radar.name, ())
+        factors = self.model.factors.get(radar.name, ())
         found = [factor.learned[:2] for factor in factors if isinstance(factor, Noise)]
         return found[0] if found else np.zeros(2, dtype=np.bool_)
 
     def forget_tracks(self) -> None:
         """Begin a new run; the innovations and differences stay."""
-        self._tracks = None
         for memory in self._memories:
             memory.paths.clear()
 
-    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
-        """Compare a scan's detections with the tracks before it, and store the tracks after it."""
-        tracks = self._tracks
-        since_s = 0.0 if tracks is None else (scan.stamp_ns - tracks.stamp_ns) * 1e-9
-        if tracks is not None and len(tracks) and 0.0 < since_s <= self._max_age_s:
-            for memory, radar, found in zip(
-                self._memories, self._model.radars, scan.detections, strict=True
-            ):
-                # In space the noise of three components is not compared.
-                if found is not None and len(found) and not radar.space.vertical:
-                    self._compare(memory, radar.at(found.pose), found, tracks, since_s)
-        if filtered:
-            self._tracks = filtered[-1]
-
-    def _compare(
-        self, memory: _Memory, radar: Sensor, found: Detections, tracks: Estimates, since_s: float
-    ) -> None:
+    def add(self, compared: Compared) -> None:
         """Add the squares of a report's innovations and differences to the memory."""
-        position = tracks.position + since_s * tracks.velocity
-        expected, _ = radar.linearise(position)
-        covered = radar.visibility.coverage_probability(expected, found.coverage, radar.noise_std)
-        (passed,) = (covered > 0.5).nonzero()
+        memory, radar, found = (
+            self._memories[compared.sensor_index],
+            compared.sensor,
+            compared.detections,
+        )
+        tracks, since_s = compared.tracks, compared.since_s
+        (passed,) = (compared.covered > 0.5).nonzero()
         if len(passed) > SAMPLE:
             # Those that are followed already come first, because a difference takes several looks.
             followed = np.isin(tracks.track_id[passed], [*memory.paths])
@@ -162,7 +143,7 @@ class InnovationMonitor:
             passed = passed[order[:SAMPLE]]
         plots = radar.in_plane(found)
         world = plots.position[:, :2]
-        row, column = _pairs(position, world, passed)
+        row, column = _pairs(tracks.position + since_s * tracks.velocity, world, passed)
         if not len(row):
             return
         time_s = np.zeros(len(row)) if found.time_s is None else found.time_s[column]
@@ -175,7 +156,7 @@ class InnovationMonitor:
         flat = covariance[:, (0, 0, 1), (0, 1, 1)]
         now_s = tracks.stamp_ns * 1e-9 + since_s
         rows = np.column_stack([now_s + time_s, world[column], flat, measured])
-        memory.drop_ended(now_s - self._max_age_s)
+        memory.drop_ended(now_s - compared.max_age_s)
         paths = memory.follow(tracks.track_id[row], rows)
         if len(paths):
             _, slope = radar.linearise(paths[:, -1, 1:3])
@@ -186,7 +167,7 @@ class InnovationMonitor:
         self._fits = [
             _fit(radar, memory, before, self._learned(radar))
             for radar, memory, before in zip(
-                self._model.radars, self._memories, self._fits, strict=True
+                self.model.radars, self._memories, self._fits, strict=True
             )
         ]
         return self._fits

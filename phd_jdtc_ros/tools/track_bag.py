@@ -29,6 +29,7 @@ from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.calibration.comparison import Comparison
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters.place_forms import STATIC_TRANSFORMS
@@ -66,7 +67,8 @@ class OfflineTracker:
         self.tally = Tally(config)
         self._moving = MovingRadars(config)
         why = self._moving.missing
-        self._feed = Feed(config, self.tally, [self._innovations], why_missing=why)
+        comparison = Comparison(config.model, [self._innovations])
+        self._feed = Feed(config, self.tally, [comparison], why_missing=why)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self._receiver_of = {own.topic: index for index, own in enumerate(config.receivers)}
         self.scans = 0

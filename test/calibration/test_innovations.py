@@ -8,6 +8,7 @@ from estimate_sets import estimates, states
 from mast import mast
 from reference import resolve
 
+from phd_jdtc_ros.calibration.comparison import Comparison
 from phd_jdtc_ros.calibration.innovations import LEAST_BROKEN, SAMPLE, InnovationMonitor
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -35,9 +36,9 @@ def configured(scale, azimuth_scale=None):
 def monitored(config):
     """Return the fits after each scan of the reference scenario."""
     engine, monitor = new_engine(config), InnovationMonitor(config.model)
-    found = []
+    comparison, found = Comparison(config.model, [monitor]), []
     for scan in SCANS:
-        monitor.add_scan(scan, engine.step(scan).filtered)
+        comparison.add_scan(scan, engine.step(scan).filtered)
         found.append(monitor.fits())
     return found
 
@@ -75,11 +76,17 @@ STILL = estimates(
 
 def looks(monitor, looks, tracks=STILL, coverage=None):
     """Let tracks, whose places are known, be seen in each of some looks; return the radar's fit."""
-    for number, measurements in enumerate(looks):
-        report = Detections(np.array(measurements), None, coverage=coverage)
+    reports = [Detections(np.array(each), None, coverage=coverage) for each in looks]
+    return compared(monitor, reports, tracks)
+
+
+def compared(monitor, reports, tracks=STILL):
+    """Let tracks be seen in reports, each shortly after estimates; return the sensor's fit."""
+    comparison = Comparison(monitor.model, [monitor])
+    for number, report in enumerate(reports):
         begin_ns = number * 10**9
-        monitor.add_scan(Scan(begin_ns, (None,)), (replace(tracks, stamp_ns=begin_ns),))
-        monitor.add_scan(Scan(begin_ns + 10**8, (report,)), ())
+        comparison.add_scan(Scan(begin_ns, (None,)), (replace(tracks, stamp_ns=begin_ns),))
+        comparison.add_scan(Scan(begin_ns + 10**8, (report,)), ())
     return monitor.fits()[0]
 
 
@@ -116,31 +123,27 @@ def test_differences_are_compared_with_the_whole_covariance_of_the_noise():
     sensor = mast(position=(0.0, 0.0))
     root = np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]])
     errors = 50.0 * np.random.default_rng(3).normal(size=(200, 2)) @ root.T
-    monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
-    for number, error in enumerate(errors):
-        found = Detections(
+    reports = [
+        Detections(
             np.array([5e3, 0.0]) + error[None],
             None,
             noise_std=np.full((1, 2), 100.0),
             noise_correlation=np.array([0.9]),
         )
-        begin_ns = number * 10**9
-        monitor.add_scan(Scan(begin_ns, (None,)), (replace(STILL, stamp_ns=begin_ns),))
-        monitor.add_scan(Scan(begin_ns + 10**8, (found,)), ())
-    (fit,) = monitor.fits()
+        for error in errors
+    ]
+    fit = compared(InnovationMonitor(replace(ALONE, radars=(sensor,))), reports)
     np.testing.assert_allclose(fit.noise, 0.5, atol=0.1)
 
 
 def positions_of(offset, prior=None):
     """Return the comparison of a sensor of positions with a track, given each detection's error."""
     sensor = mast(3.0, position=(0.0, 0.0), height_prior=prior)
-    monitor = InnovationMonitor(replace(ALONE, radars=(sensor,)))
-    for number, error in enumerate(offset):
-        begin_ns = number * 10**9
-        found = Detections(np.array([5e3 + 2.0 * number, 0.5 * number])[None] + error, None)
-        monitor.add_scan(Scan(begin_ns, (None,)), (replace(STILL, stamp_ns=begin_ns),))
-        monitor.add_scan(Scan(begin_ns + 10**8, (found,)), ())
-    return monitor.fits()[0]
+    reports = [
+        Detections(np.array([5e3 + 2.0 * number, 0.5 * number])[None] + error, None)
+        for number, error in enumerate(offset)
+    ]
+    return compared(InnovationMonitor(replace(ALONE, radars=(sensor,))), reports)
 
 
 def test_smoothed_positions_do_not_show_that_the_noise_is_too_large():
@@ -202,13 +205,14 @@ def test_few_detections_show_only_a_noise_that_is_far_off():
 
 def test_tracks_that_all_break_far_from_their_detections_show_too_small_a_noise():
     monitor = InnovationMonitor(ALONE)
+    comparison = Comparison(ALONE, [monitor])
     for number in range(LEAST_BROKEN + 1):
         assert not monitor.fits()[0].too_small.any()
         begin_ns = number * 10**11
         track = replace(STILL, stamp_ns=begin_ns, track_id=np.array([number + 1]))
-        monitor.add_scan(Scan(begin_ns, (None,)), (track,))
+        comparison.add_scan(Scan(begin_ns, (None,)), (track,))
         report = Detections(np.array([[5e3 + 2000.0, 0.0]]), None)
-        monitor.add_scan(Scan(begin_ns + 10**8, (report,)), ())
+        comparison.add_scan(Scan(begin_ns + 10**8, (report,)), ())
     assert monitor.fits()[0].too_small.tolist() == [True, False]
 
 

@@ -10,15 +10,16 @@ bias detects its targets elsewhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Estimates, Scan
+from phd_jdtc_ros.calibration.comparison import Compared
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
+from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE
 
 # Effective number of residuals of a mean, and least number for a warning.
 MEMORY, LEAST = 400, 60
@@ -66,98 +67,79 @@ class _Mean:
 
 
 class RegistrationMonitor:
-    """Keeps the mean residuals of each radar; `interval_s` is the nominal interval, seconds."""
+    """Keeps the mean residuals of each radar; see `comparison.Monitor`.
 
-    def __init__(self, radars: Sequence[RadarModel], interval_s: float) -> None:
-        self._radars = tuple(radars)
-        slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
-        # A track counts if its estimate, and its last detection by another radar, are no older than
-        # this many scans of the slowest radar.
-        self._max_age_ns = round(2.5 * slowest_s * 1e9)
-        self._means = [_Mean() for _ in self._radars]
+    All sensors of the model are polar radars.
+    """
+
+    def __init__(self, model: TrackerModel) -> None:
+        self.model = model
+        self._means = [_Mean() for _ in model.radars]
         # Numbers of each radar's detections expected near others' tracks, and found there.
-        self._looks = np.zeros((len(self._radars), 2))
-        # The tracks, not tentative, with a unique number, of the newest estimates.
-        self._tracks: Estimates | None = None
+        self._looks = np.zeros((len(model.radars), 2))
         # Stamp of each radar's last detection of each track, by the track's number.
         self._seen_ns: dict[int, dict[int, int]] = {}
 
-    def retune(self, radars: Sequence[RadarModel]) -> None:
-        """Use other models of the same radars from the next scan on."""
-        self._radars = tuple(radars)
+    def retune(self, model: TrackerModel) -> None:
+        """Use another model of the same structure from the next scan on."""
+        self.model = model
 
     def forget_tracks(self) -> None:
-        """Begin a new run, in which numbers belong to other tracks. The means stay."""
-        self._tracks, self._seen_ns = None, {}
+        """Begin a new run; the means stay."""
+        self._seen_ns = {}
 
-    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
-        """Compare a scan's detections with the tracks before it, and store the tracks after it."""
-        tracks = self._tracks
-        if any(radar.space.vertical for radar in self._radars):
-            return  # Biases are those of ranges and azimuths in the plane
-        if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._max_age_ns:
-            for index, detections in enumerate(scan.detections):
-                if detections is not None and len(detections) and len(tracks):
-                    self._compare(index, scan.stamp_ns, detections, tracks)
-        if filtered:
-            newest = filtered[-1]
-            known = (newest.track_state != TENTATIVE) & (newest.track_id > 0)
-            self._tracks = newest.take(np.flatnonzero(known))
-            alive = set(newest.track_id.tolist())
-            self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
-
-    def _compare(
-        self, index: int, stamp_ns: int, detections: Detections, tracks: Estimates
-    ) -> None:
-        radar = self._radars[index].at(detections.pose)
-        own = detections.time_s
-        time_s = np.zeros(len(detections)) if own is None else own
-        since_s = time_s + (stamp_ns - tracks.stamp_ns) * 1e-9
+    def add(self, compared: Compared) -> None:
+        """Compare a report with the tracks that are not tentative and have a number."""
+        index, radar, found, tracks = (
+            compared.sensor_index, compared.sensor, compared.detections, compared.tracks,
+        )  # fmt: skip
+        alive = set(tracks.track_id.tolist())
+        self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
+        (rows,) = ((tracks.track_state != TENTATIVE) & (tracks.track_id > 0)).nonzero()
+        if not len(rows):
+            return
+        time_s = np.zeros(len(found.measurement)) if found.time_s is None else found.time_s
+        after_s = (time_s + compared.since_s)[:, None]
         # Rows are tracks, columns detections.
-        position = tracks.position[:, None] + since_s[:, None] * tracks.velocity[:, None]
+        position = tracks.position[rows, None] + after_s * tracks.velocity[rows, None]
         expected, slope = radar.linearise(position)
-        residual = detections.measurement - expected
-        residual[..., 1] = wrap_angle(residual[..., 1])
-        variance = radar.noise_std_of(detections) ** 2
-        predicted = slope @ tracks.position_covariance[:, None] @ slope.swapaxes(-1, -2)
+        residual = radar.wrap(found.measurement - expected)
+        predicted = slope @ tracks.position_covariance[rows, None] @ slope.swapaxes(-1, -2)
+        variance = np.diagonal(predicted, axis1=-2, axis2=-1) + radar.noise_std_of(found) ** 2
         # Gate on residuals, in standard deviations. With a larger bias only few residuals are
         # inside, near its edge; their mean is significant.
-        limit = 6.0 * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
+        limit = 6.0 * np.sqrt(variance)
         near = (np.abs(residual) < limit).all(axis=-1)
         # Clutter is often within the whole gate.
         closer = (np.abs(residual) / limit).max(axis=-1) < 0.5
-        self._count(index, tracks, stamp_ns, detections, closer.any(axis=1))
+        numbers = tracks.track_id[rows].tolist()
+        oldest_ns = compared.stamp_ns - round(compared.max_age_s * 1e9)
+        others_see = np.array([self._others_see(index, n, oldest_ns) for n in numbers])
+        self._count(compared, rows[others_see], closer.any(axis=1)[others_see])
         unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
         for row, column in np.argwhere(unambiguous).tolist():
-            seen = self._seen_ns.setdefault(int(tracks.track_id[row]), {})
-            confirmed = tracks.track_state[row] == CONFIRMED
-            if confirmed and self._others_see(index, int(tracks.track_id[row]), stamp_ns):
+            if others_see[row] and tracks.track_state[rows[row]] == CONFIRMED:
                 self._means[index].add(residual[row, column])
-            seen[index] = stamp_ns
+            self._seen_ns.setdefault(numbers[row], {})[index] = compared.stamp_ns
 
-    def _others_see(self, index: int, track_id: int, stamp_ns: int) -> bool:
-        """Return whether another radar has recently detected a track."""
+    def _others_see(self, index: int, track_id: int, oldest_ns: int) -> bool:
+        """Return whether another radar has detected a track since a stamp."""
         seen = self._seen_ns.get(track_id, {})
-        newest = max((last_ns for other, last_ns in seen.items() if other != index), default=None)
-        return newest is not None and stamp_ns - newest <= self._max_age_ns
+        return any(last_ns >= oldest_ns for other, last_ns in seen.items() if other != index)
 
-    def _count(
-        self, index: int, tracks: Estimates, stamp_ns: int, detections: Detections, near: BoolArray
-    ) -> None:
+    def _count(self, compared: Compared, rows: IntArray, near: BoolArray) -> None:
         """Count the detections expected near the tracks of others, and those with one near."""
-        radar, numbers = self._radars[index].at(detections.pose), tracks.track_id.tolist()
-        rows = [row for row, n in enumerate(numbers) if self._others_see(index, n, stamp_ns)]
-        after_s = (stamp_ns - tracks.stamp_ns) * 1e-9
-        place, _ = radar.linearise(tracks.position[rows] + after_s * tracks.velocity[rows])
-        due = radar.visibility.coverage_probability(place, detections.coverage, radar.noise_std)
-        probability = radar.visibility.detection_probability(place)
+        due = compared.covered[rows]
+        probability = compared.sensor.visibility.detection_probability(compared.expected[rows])
         due = due if probability is None else due * probability
-        looks = np.array([due.sum(), np.count_nonzero(near[rows] & (due > 0.0))])
-        self._looks[index] = (1.0 - 1.0 / MEMORY) ** looks[0] * self._looks[index] + looks
+        looks = np.array([due.sum(), np.count_nonzero(near & (due > 0.0))])
+        own = self._looks[compared.sensor_index]
+        self._looks[compared.sensor_index] = (1.0 - 1.0 / MEMORY) ** looks[0] * own + looks
 
     def mean_residuals(self) -> list[MeanResidual]:
         """Return each radar's mean residuals."""
-        return list(map(_mean_residual, self._radars, self._means, self._looks))
+        radars = polar_radars(self.model.radars)
+        return list(map(_mean_residual, radars, self._means, self._looks))
 
 
 def _mean_residual(radar: RadarModel, mean: _Mean, looks: FloatArray) -> MeanResidual:

@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from phd_jdtc_ros.calibration import innovations, kinematics
+from phd_jdtc_ros.calibration import comparison, innovations, kinematics
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, read_only
 from phd_jdtc_ros.core.factors.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
@@ -112,7 +112,7 @@ def agreeing(plots: Plots, tracks: Tracks, noise: Noise) -> Noise:
     differences, and therefore accepts what was tuned.
     """
     gaps = [np.diff(plots.time_s[own]) for own in tracks.plots]
-    longest = innovations.MAX_AGE_SCANS * float(np.median(np.concatenate(gaps)))
+    longest = comparison.MAX_AGE_SCANS * float(np.median(np.concatenate(gaps)))
     whole = [own for own in tracks.plots if len(own) >= innovations.PLOTS]
     if not whole:
         return noise

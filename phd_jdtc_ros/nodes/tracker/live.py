@@ -17,6 +17,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.outgoing import manual
 from msg_adapters.outgoing.outputs import CONFLICTS, MANUAL, SCAN, STEP, StepResult
+from phd_jdtc_ros.calibration.comparison import Comparison, Monitor
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.columns import anomalies
@@ -25,10 +26,9 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, start_cold
-from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.tracks.manual import Manual
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Pose
-from phd_jdtc_ros.feed import Feed, Monitor, StepClock
+from phd_jdtc_ros.feed import Feed, StepClock
 
 from ..common.health import WARNING_MEMORY_S, Rhythm
 from ..common.runtime import steady_timer
@@ -74,7 +74,9 @@ class LiveTracker:
         self._innovations = InnovationMonitor(config.model)
         self._registration: RegistrationMonitor | None = None
         if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
-            self._registration = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
+            self._registration = RegistrationMonitor(config.model)
+        monitors: list[Monitor] = [self._innovations, *filter(None, [self._registration])]
+        self._comparison = Comparison(config.model, monitors)
         self._active = False
         self._step_clock = StepClock()
         self._watch = Watch(config.conflicts)
@@ -87,14 +89,11 @@ class LiveTracker:
             self._checkpoints = self._make_checkpoints()
             # Publishers discover the subscriptions while the engine loads its compiled loops.
             self.inputs.subscribe(self._on_message, self._on_pose, self._on_self_reports)
-            monitors: list[Monitor] = [self._innovations]
-            if self._registration is not None:
-                monitors.append(self._registration)
             # The first scan of a run continues from the checkpoint, if there is one.
             begin = start_cold if self._checkpoints is None else self._checkpoints.resume
             self._moving = MovingRadars(config)
             show, why = self._publish_filtered, self._moving.missing
-            self._feed = Feed(config, self.inputs, monitors, begin, show, why)
+            self._feed = Feed(config, self.inputs, [self._comparison], begin, show, why)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
@@ -160,9 +159,7 @@ class LiveTracker:
         self._settings = settings
         self.inputs.retune(settings)
         self._pipeline.retune(settings.config.model, settings.config.rule)
-        self._innovations.retune(settings.config.model)
-        if self._registration is not None:
-            self._registration.retune(polar_radars(settings.config.model.radars))
+        self._comparison.retune(settings.config.model)
         self._outputs.retune(settings)
 
     def flush(self) -> int:

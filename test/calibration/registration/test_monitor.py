@@ -7,6 +7,7 @@ import pytest
 from estimate_sets import estimates, states
 from reference import resolve
 
+from phd_jdtc_ros.calibration.comparison import Comparison
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.bias import SensorBias
@@ -26,11 +27,12 @@ RADARS = CONFIG.model.radars
 SCANS = [scan for _, scan in simulate(paper_scenario(RADARS), 6)][:60]
 
 
-def monitored(scans, radars=RADARS):
-    """Return the monitor after the tracker has stepped through scans."""
-    engine, monitor = new_engine(CONFIG), RegistrationMonitor(radars, 6.0)
+def monitored(scans):
+    """Return the mean residuals after the tracker has stepped through scans."""
+    engine, monitor = new_engine(CONFIG), RegistrationMonitor(CONFIG.model)
+    comparison = Comparison(CONFIG.model, [monitor])
     for scan in scans:
-        monitor.add_scan(scan, engine.step(scan).filtered)
+        comparison.add_scan(scan, engine.step(scan).filtered)
     return monitor.mean_residuals()
 
 
@@ -72,7 +74,8 @@ def seen(radars, *measurement, count=3, error=0.0, coverage=None):
 
     The azimuths of the second radar have an error.
     """
-    monitor = RegistrationMonitor(RADARS, 6.0)
+    monitor = RegistrationMonitor(CONFIG.model)
+    comparison = Comparison(CONFIG.model, [monitor])
     for k in range(count):
         stamp_ns = 10**9 * (1 + 6 * k)
         found = replace(CALM, stamp_ns=stamp_ns)
@@ -87,8 +90,8 @@ def seen(radars, *measurement, count=3, error=0.0, coverage=None):
             else None
             for r, off in enumerate([np.zeros(2), np.array([0.0, error])])
         ]
-        monitor.add_scan(Scan(stamp_ns, (None, None)), [found])
-        monitor.add_scan(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
+        comparison.add_scan(Scan(stamp_ns, (None, None)), [found])
+        comparison.add_scan(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
     return monitor.mean_residuals()
 
 
@@ -128,7 +131,7 @@ def test_tentative_tracks_are_not_used(changes, monkeypatch):
 
 
 def test_old_residuals_are_forgotten():
-    monitor = RegistrationMonitor(RADARS, 6.0)
+    monitor = RegistrationMonitor(CONFIG.model)
     mean = monitor._means[0]
     for _ in range(2 * MEMORY):
         mean.add(np.array([300.0, 0.0]))
@@ -138,11 +141,12 @@ def test_old_residuals_are_forgotten():
 
 
 def test_a_new_run_has_other_tracks_and_keeps_the_means():
-    engine, monitor = new_engine(CONFIG), RegistrationMonitor(RADARS, 6.0)
+    engine, monitor = new_engine(CONFIG), RegistrationMonitor(CONFIG.model)
+    comparison = Comparison(CONFIG.model, [monitor])
     for scan in SCANS[:20]:
-        monitor.add_scan(scan, engine.step(scan).filtered)
+        comparison.add_scan(scan, engine.step(scan).filtered)
     before = monitor.mean_residuals()
-    monitor.forget_tracks()
-    monitor.add_scan(SCANS[20], ())
+    comparison.forget_tracks()
+    comparison.add_scan(SCANS[20], ())
     assert [found.residuals for found in monitor.mean_residuals()] == [d.residuals for d in before]
     assert before[0].residuals > 10

@@ -9,6 +9,7 @@ from live_radars import RELIABLE, SCANS, connected, options
 
 from msg_adapters.incoming import detections
 from msg_adapters.outgoing import diagnostics
+from phd_jdtc_ros.calibration.comparison import Comparison
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual, RegistrationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
@@ -75,12 +76,13 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
         for index, found in enumerate((scan.detections[0], wrong)):
             sent.append((index, detections.to_msg(found, scan.stamp_ns, f"radar_{index + 1}")))
 
-    pipeline, monitor = new_pipeline(config), RegistrationMonitor(config.model.radars, 6.0)
+    pipeline, monitor = new_pipeline(config), RegistrationMonitor(config.model)
+    comparison = Comparison(config.model, [monitor])
     for index, cloud in sent:
         report = detections.from_msg(cloud, config.inputs[index])
         for event in pipeline.add(index, report.stamp_ns, report.detections):
             assert isinstance(event, Stepped)
-            monitor.add_scan(event.scan, event.step.filtered)
+            comparison.add_scan(event.scan, event.step.filtered)
     expected = monitor.mean_residuals()
     assert expected[1].significant[0]
 
