@@ -58,22 +58,18 @@ class TrackerModel(ReadOnly):
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.
 
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
-        The reports of the latest scan are made once.
         """
-        for latest_scan, reports in self._latest:
-            if latest_scan is scan:
-                return reports
-        reports = [
+        return [
             View.of(
                 sensor.at(detections.pose),
-                self.amplitudes.select(merge_clusters(detections, sensor)),
+                self.amplitudes.select(
+                    merge_clusters(detections, sensor) if sensor.cluster_distance else detections
+                ),
                 scan.stamp_ns,
             )
             for sensor, detections in zip(self.radars, scan.detections, strict=True)
             if detections is not None
         ]
-        self._latest[:] = [(scan, reports)]
-        return reports
 
     def expected(self, scan: Scan) -> list[View]:
         """Return the reports of a scan with what the factors of their sensors expect of them."""
@@ -170,7 +166,3 @@ class TrackerModel(ReadOnly):
         if isinstance(motion, Rates):
             per_interval *= births.rate_ratio(motion)
         return places, revolutions * per_interval / view.size
-
-    @cached_property
-    def _latest(self) -> list[tuple[Scan, list[View]]]:
-        return []

@@ -111,7 +111,8 @@ class ForwardFilter:
         # Births would count the time from a look of nobody.
         if scan.detections and not any(report is not None for report in scan.detections):
             raise ValueError(f"scan.detections: no sensor reported at {scan.stamp_ns} ns")
-        swept, others = partition_swept(self.unswept, scan, self.model)
+        reports = self.model.reports(scan)
+        swept, others = partition_swept(self.unswept, reports, scan.stamp_ns, self.model)
         aged = [
             AgedMixture(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns))
             for rows in swept
@@ -120,7 +121,7 @@ class ForwardFilter:
         moves = None
         if aged:
             *parts, moves = survivors(aged, dynamics)
-        if born := self._births(scan):
+        if born := self._births(reports, scan.stamp_ns):
             parts.append(births(born, dynamics, index))
         if self.places:
             parts.append(placed(self.places, dynamics, index))
@@ -137,7 +138,7 @@ class ForwardFilter:
             layer = layer.with_reports(scan.self_reports, scan.stamp_ns)
             self.factors = self.factors.changed(reports=layer)
         steps = GaussianSteps(dynamics, self.bounds)
-        updated = update_scan(branched, scan, steps, dt, index, self.factors)
+        updated = update_scan(branched, reports, steps, dt, index, self.factors)
         self.factors, self.approximate = updated.factors, updated.approximate
         self.on_stage_end("update")
         self._looking = self.views
@@ -211,13 +212,13 @@ class ForwardFilter:
             return self.model.modes.interval_s
         return (stamp_ns - earlier_ns) * 1e-9
 
-    def _births(self, scan: Scan) -> list[tuple[int, float]]:
+    def _births(self, reports: Sequence[View], stamp_ns: int) -> list[tuple[int, float]]:
         """Return the birth terms that an antenna passed, and the time since its previous pass."""
         births = []
-        for index in swept_births(scan, self.model):
+        for index in swept_births(reports, self.model):
             previous_ns = self._born_ns.get(index, self.stamp_ns)
-            births.append((index, self._since(previous_ns, scan.stamp_ns)))
-            self._born_ns = {**self._born_ns, index: scan.stamp_ns}
+            births.append((index, self._since(previous_ns, stamp_ns)))
+            self._born_ns = {**self._born_ns, index: stamp_ns}
         return births
 
     def _keep(self, entry: Entry, remaining: Sequence[UnsweptRows]) -> None:

@@ -21,7 +21,6 @@ from ..sensors import polar_geometry
 from ..sensors.view import View
 from ..targets.motion import noise_after
 from ..tracks.reporting_rule import slowest_s
-from ..types import Scan
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
@@ -30,10 +29,9 @@ Reports = Sequence[View]
 
 
 def partition_swept(
-    unswept: list[UnsweptRows], scan: Scan, model: TrackerModel
+    unswept: list[UnsweptRows], reports: Reports, stamp_ns: int, model: TrackerModel
 ) -> tuple[list[UnsweptRows], list[UnsweptRows]]:
     """Return the rows of targets, oldest first, that a scan may have swept, and all other rows."""
-    reports = model.reports(scan)
     if not unswept or _covers_all_fields(reports, model):
         return unswept, []
     # A label that no antenna has swept for this long is predicted nevertheless.
@@ -41,7 +39,7 @@ def partition_swept(
     space = model.modes.space
     extents = [rows.entry.extents for rows in unswept]
     sizes = [extent.label.size for extent in extents]
-    age_s = (scan.stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
+    age_s = (stamp_ns - np.array([rows.entry.stamp_ns for rows in unswept])) * 1e-9
     x = space.position[0]
     # Largest standard deviation that a motion adds, over both axes.
     variance = noise_after(age_s, model.modes.noise_factors[:, :, x, x])
@@ -64,9 +62,8 @@ def partition_swept(
     return swept, [outside for _, outside in parts if outside is not None]
 
 
-def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
+def swept_births(reports: Reports, model: TrackerModel) -> list[int]:
     """Return the birth terms at places that an antenna may have swept in a scan."""
-    reports = model.reports(scan)
     if not model.births or _covers_all_fields(reports, model):
         return list(range(len(model.births)))
     axes = list(model.modes.space.position)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, frozen, sum_by
-from ..factors.factor import Look
+from ..factors.factor import LEAST_EXISTENCE, Look
 from ..factors.state import Factors
 from ..gaussian.mixture import Mixture
 from ..gaussian.reduction import Branched
@@ -24,7 +24,6 @@ from ..sensors.view import View
 from ..targets.amplitude_density import of_classes
 from ..tracks import track_numbers
 from ..tracks.reporting_rule import slowest_s
-from ..types import Scan
 
 
 class Updated(NamedTuple):
@@ -38,7 +37,12 @@ class Updated(NamedTuple):
 
 
 def update_scan(
-    rows: Branched, scan: Scan, steps: GaussianSteps, dt: float, scan_index: int, factors: Factors
+    rows: Branched,
+    reports: Iterable[View],
+    steps: GaussianSteps,
+    dt: float,
+    scan_index: int,
+    factors: Factors,
 ) -> Updated:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
@@ -47,7 +51,7 @@ def update_scan(
     the true interval since the previous scan in seconds, and births have labels by `scan_index`.
     """
     label, after = track_numbers.first_detected(scan_index), Updated(rows, factors)
-    for report in steps.dynamics.model.reports(scan):
+    for report in reports:
         after = update(after, report, steps, dt, label)
         label += sum(map(len, after.newborns[-1:]))
     return after
@@ -102,10 +106,6 @@ def _unseen_since(
     is_own = looks.sensor == own
     others_looked = len(is_own) > 0 and not is_own.any()
     return max(dt, model.modes.interval_s) if others_looked else dt, None
-
-
-# Lower bound of the existence probabilities by which others are divided.
-LEAST_EXISTENCE = 1e-12
 
 
 def layer_of(model: TrackerModel) -> tables.Layer | None:

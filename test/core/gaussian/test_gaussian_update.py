@@ -301,7 +301,9 @@ def scan_update(config, *reports, scan_index=4):
     steps = GaussianSteps(dynamics, new_engine(config).forward.bounds)
     predicted = Branched(nothing, np.zeros(0, dtype=int))
     factors = new_engine(config).forward.factors
-    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index, factors).rows
+    return update_scan(
+        predicted, steps.model.reports(Scan(1, reports)), steps, 6.0, scan_index, factors
+    ).rows
 
 
 @pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])

@@ -251,7 +251,7 @@ def scan_update(config, predicted, survivors, reports, factors=None):
     branched = Branched(predicted, np.where(row < survivors, row, -1))
     steps = GaussianSteps(Dynamics(config.model), new_engine(config).forward.bounds)
     scan, factors = Scan(STAMP_NS, reports), factors or factors_of(config)
-    found = update_scan(branched, scan, steps, 6.0, 4, factors)
+    found = update_scan(branched, steps.model.reports(scan), steps, 6.0, 4, factors)
     return found.rows, found.approximate
 
 

@@ -42,7 +42,7 @@ def newborns_of(model, report, dt=6.0):
 
 def scan_update(model, scan, index=0):
     nothing, steps = nothing_and_steps(model)
-    return update_scan(nothing.rows, scan, steps, 6.0, index, nothing.factors)
+    return update_scan(nothing.rows, steps.model.reports(scan), steps, 6.0, index, nothing.factors)
 
 
 def test_newborn_mass_follows_the_interval():

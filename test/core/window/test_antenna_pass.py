@@ -54,7 +54,7 @@ def swept(sectors, plots, between_s=0.25):
     for index, (sector, found) in enumerate(zip(sectors, plots, strict=True)):
         report = Detections(np.reshape(found, (-1, 2)), None, coverage=sector)
         scan = Scan(10**12 + round(index * between_s * 1e9), (report,))
-        updated = update_scan(rows, scan, steps, 4.0, index, factors)
+        updated = update_scan(rows, steps.model.reports(scan), steps, 4.0, index, factors)
         rows, factors = updated.rows, updated.factors
     return rows.mixture.sums.mass.sum()
 
