@@ -161,16 +161,6 @@ def test_capture_that_was_cut_is_read_to_its_end(blocks):
         assert counts == {"recording_cut": 1, "bytes_skipped": len(data) - 5 - len(kind(sent[:-1]))}
 
 
-def test_capture_of_linux_cooked_and_raw_packets(blocks):
-    ip = made.packet(blocks[0])[14:]
-    for link, head in ((113, bytes(14) + b"\x08\x00"), (276, b"\x08\x00" + bytes(18)), (101, b"")):
-        data = bytearray(made.pcap([(0, head + ip)]))
-        data[20:24] = link.to_bytes(4, "little")
-        found, counts = read(bytes(data))
-        assert [each.data for each in found] == [blocks[0]]
-        assert not counts
-
-
 def test_random_bytes_behind_any_header_are_read_without_an_error(blocks):
     rng = made.rng(7)
     heads = [

@@ -34,20 +34,6 @@ def posterior(target, weight, claims):
     return missed, claims.mass * shares.pair, shares.claimed
 
 
-def test_rows_and_pairs_hold_all_mass_whatever_is_detected():
-    target, weight, claims = scene()
-    missed, detected, claimed = posterior(target, weight, claims)
-    np.testing.assert_allclose(np.bincount(claims.column, detected), claimed, rtol=1e-9)
-    existence = np.bincount(target, missed) + np.bincount(target[claims.row], detected)
-    assert (existence <= 1.0).all()
-    assert (existence > 0.0).all()
-    one = np.zeros(1, dtype=np.int64)
-    claims = Claims(one, one, np.array([0.01]), np.array([2.0]), np.ones(1))
-    missed, detected, _ = posterior(one, np.ones(1), claims)
-    np.testing.assert_array_equal(missed, [0.0])
-    np.testing.assert_allclose(detected, [1.0], rtol=1e-3)
-
-
 def test_row_may_be_split_into_equal_ones():
     target, weight, claims = scene()
     twice = Claims(
@@ -118,29 +104,6 @@ def test_part_of_claims_is_that_of_some_rows_of_each_detection():
     claims = Claims(row, column, mass, np.array([0.1, 0.2, 0.3]), np.full(3, 0.9))
     part = claims.share_of(np.array([True, True, False]))
     np.testing.assert_allclose(part, [0.375, 0.25, 0.0])
-
-
-def test_shares_say_how_many_clusters_are_too_large_for_exact_sums():
-    targets = detections = 14
-    row, column = np.divmod(np.arange(targets * detections), detections)
-    claims = Claims(row, column, np.full(len(row), 0.1), np.ones(detections), np.full(targets, 0.9))
-    shares = shares_of(np.arange(targets), targets, np.full(targets, 0.5), claims)
-    assert shares.approximate == 1
-    small = Claims(row[:2], column[:2], np.ones(2), np.ones(detections), np.full(targets, 0.9))
-    shares = shares_of(np.arange(targets), targets, np.full(targets, 0.5), small)
-    assert shares.approximate == 0
-
-
-def test_cells_of_targets_and_detections_are_distinguished_with_one_detection():
-    # With one detection every target has a cell of its own.
-    target, weight = np.arange(4), np.array([0.9, 0.5, 0.3, 0.7])
-    claims = Claims(np.array([1, 3]), np.zeros(2, int), np.ones(2), np.ones(1), np.full(4, 0.5))
-    missed, detected, _ = posterior(target, weight, claims)
-    absent = np.array([0.5, 0.3])
-    unseen = np.array([0.25, 0.35])
-    total = (absent + unseen).prod() + (absent + unseen)[::-1].sum()
-    np.testing.assert_allclose(detected, (absent + unseen)[::-1] / total, rtol=1e-9)
-    np.testing.assert_allclose(missed[[0, 2]], [0.45 / 0.55, 0.15 / 0.85], rtol=1e-9)
 
 
 def test_pair_of_a_row_that_is_not_detected_has_no_mass():

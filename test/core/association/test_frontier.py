@@ -8,8 +8,8 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
-from phd_jdtc_ros.core.association import frontier, planning
-from phd_jdtc_ros.core.association.clusters import clusters_of, graph_of
+from phd_jdtc_ros.core.association import planning
+from phd_jdtc_ros.core.association.clusters import clusters_of
 from phd_jdtc_ros.core.association.frontier import (
     LEAST_RISE,
     SLACK,
@@ -49,60 +49,6 @@ def test_clusters_are_chains_and_lone_targets():
     np.testing.assert_array_equal(clusters_of(3, 0, none, none), [0, 1, 2])
 
 
-def test_graph_lists_nodes_by_cluster_with_their_edges():
-    # Targets 0 and 3 share detection 2, and target 2 has detections 0 and 3.
-    target, detection = np.array([3, 2, 0, 2]), np.array([2, 3, 2, 0])
-    order, graph = graph_of(4, 5, target, detection)
-    np.testing.assert_array_equal(order, [0, 3, 6, 2, 4, 7])
-    np.testing.assert_array_equal(graph.first, [0, 3, 6])
-    np.testing.assert_array_equal(graph.middle, [2, 4])
-    np.testing.assert_array_equal(order[graph.target], target)
-    np.testing.assert_array_equal(order[graph.detection], 4 + detection)
-    rng = np.random.default_rng(1)
-    target, detection = map(np.ascontiguousarray, np.nonzero(rng.random((9, 7)) < 0.3))
-    order, graph = graph_of(9, 7, target, detection)
-    for node in range(len(order)):
-        own = graph.link[graph.start[node] : graph.start[node + 1]]
-        expected = np.flatnonzero((graph.target == node) | (graph.detection == node))
-        np.testing.assert_array_equal(np.sort(own), expected)
-
-
-def random_graph(seed):
-    rng = np.random.default_rng(seed)
-    return graph(rng.random((12, 15)) < 0.15)[0]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_plan_closes_every_node_once_and_has_a_bit_for_each_open_one(seed):
-    clusters = random_graph(seed)
-    found = plan(clusters, AMPLE)
-    np.testing.assert_array_equal(np.sort(found.edge), np.arange(len(clusters.target)))
-    closed = np.concatenate([found.passed, found.node])
-    np.testing.assert_array_equal(np.sort(closed), np.arange(clusters.first[-1]))
-    assert found.edge_start[-1] == len(found.edge)
-    assert found.node_start[-1] == len(found.node)
-    clusters = graph(banded(np.random.default_rng(seed), 12, 3, np.ones))[0]
-    found = plan(clusters, AMPLE)
-    opened = []  # They are told by their bits
-    for step, passed in enumerate(found.passed):
-        size = 1 << len(opened)
-        assert found.table_before[step] == size
-        bit = 1 << opened.index(passed) if passed in opened else size
-        assert found.passed_bit[step] == bit
-        opened = [node for node in opened if node != passed]
-        for at in range(found.edge_start[step], found.edge_start[step + 1]):
-            edge = found.edge[at]
-            (other,) = {clusters.target[edge], clusters.detection[edge]} - {passed}
-            opened += [] if other in opened else [other]
-            assert found.edge_bit[at] == 1 << opened.index(other)
-        assert found.table_size[step] == 1 << len(opened)
-        closed = slice(found.node_start[step], found.node_start[step + 1])
-        for node, bit in zip(found.node[closed], found.node_bit[closed], strict=True):
-            assert opened[int(bit).bit_length() - 1] == node
-        opened = [node for node in opened if node not in found.node[closed]]
-    assert not opened
-
-
 @pytest.mark.parametrize("span", [2, 3, 4])
 def test_plan_of_a_long_chain_keeps_few_nodes_open(span):
     odds = banded(np.random.default_rng(span), 400, span, np.ones)
@@ -112,15 +58,6 @@ def test_plan_of_a_long_chain_keeps_few_nodes_open(span):
 @pytest.mark.parametrize("shape", [(2, 300), (300, 2)])
 def test_plan_opens_the_smaller_side_of_a_cluster(shape):
     assert plan(graph(np.ones(shape))[0], AMPLE).table_size.max() == 1 << 2
-
-
-def test_plan_takes_one_cluster_after_the_other():
-    odds = np.zeros((6, 6))
-    odds[:2, :2] = odds[2:4, 2:4] = odds[4:, 4:] = 1.0
-    clusters = graph(odds)[0]
-    found = plan(clusters, AMPLE)
-    np.testing.assert_array_equal(found.first + found.node_start[found.first], clusters.first)
-    np.testing.assert_array_equal(found.table_before[found.first[:-1]], 1)
 
 
 def test_plan_leaves_out_clusters_that_take_too_much():
@@ -141,51 +78,6 @@ def test_plan_has_no_more_entries_than_there_is_memory_for(monkeypatch):
     assert len(interpreted(clusters, AMPLE).table_size)
     monkeypatch.setattr(planning, "MOST_ENTRIES", entries - 1)
     assert not len(interpreted(clusters, AMPLE).table_size)
-
-
-@pytest.mark.parametrize("bit", [1, 2, 4, 8, 16])
-def test_edge_goes_from_states_without_a_node_to_those_with_it(bit):
-    rng = np.random.default_rng(0)
-    unmatched, earlier = rng.random((2, 16))
-    table, later = rng.random((2, 32))
-    without = np.flatnonzero(~np.arange(16) & bit)
-    expected = table.copy()
-    expected[without + bit] += 0.37 * unmatched[without]
-    frontier._add_edge(unmatched, bit, 0.37, table)
-    np.testing.assert_allclose(table, expected, rtol=1e-14)
-    share = 0.37 * later[without + bit]
-    expected = earlier.copy()
-    expected[without] += share
-    given = frontier._add_edge_backward(unmatched, bit, 0.37, later, earlier)
-    assert given == pytest.approx((unmatched[without] * share).sum(), rel=1e-14)
-    np.testing.assert_allclose(earlier, expected, rtol=1e-14)
-
-
-@pytest.mark.parametrize("bit", [1, 2, 4, 8, 16])
-def test_table_is_separated_by_a_node_and_joined_again(bit):
-    table, separated, joined = np.random.default_rng(2).random((3, 16))
-    assert frontier._separate(table, bit, separated) == table.max()
-    has_node = (np.arange(16) & bit) > 0
-    np.testing.assert_array_equal(separated, np.append(table[~has_node], table[has_node]))
-    frontier._join(separated, bit, 0.37, joined)
-    np.testing.assert_allclose(joined, 0.37 * table, rtol=1e-14)
-
-
-@pytest.mark.parametrize("bit", [1, 2, 4, 8])
-def test_node_is_closed_and_opened_again_in_its_place(bit):
-    values, later = np.random.default_rng(1).random((2, 16))
-    halves = values.reshape(-1, 2, bit)
-    room = np.append(values, np.zeros(16))
-    found = frontier._close_node(room[:16], bit, 0.37, room)
-    assert np.shares_memory(found, room)
-    expected = (0.37 * halves[:, 0] + halves[:, 1]).ravel()
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
-    room = np.append(values, np.zeros(16))
-    found = frontier._reopen_node(room[:16], bit, 0.37, room)
-    part = values.reshape(-1, bit)
-    np.testing.assert_allclose(found, np.stack([0.37 * part, part], axis=1).ravel(), rtol=1e-14)
-    share = (halves[:, 0] * later.reshape(-1, 2, bit)[:, 0]).sum()
-    assert frontier._unmatched_share(values, later, bit) == pytest.approx(share, rel=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -3,7 +3,6 @@
 import itertools
 
 import numpy as np
-import pytest
 
 from phd_jdtc_ros.core.factors.correlated_misses import (
     MOST,
@@ -18,7 +17,6 @@ USUAL = 0.6
 REVOLUTION_NS = 4e9
 LABEL = np.array([3])
 HIT, MISS = USUAL + CORRELATION * (1.0 - USUAL), USUAL * (1.0 - CORRELATION)
-MEAN = 0.7
 
 
 def look(detected=0.0, covered=1.0, expected=0.0, label=LABEL, existence=1.0):
@@ -45,13 +43,6 @@ def of_next(prediction, usual, label):
     """Return the probabilities of the next look at targets, given the usual ones."""
     looked, detected = prediction.of(label)
     return usual * (1.0 - looked) + detected
-
-
-@pytest.mark.parametrize(("detected", "expected"), [(1.0, HIT), (0.0, MISS), (0.25, None)])
-def test_probability_is_that_of_the_chain_after_the_last_look(detected, expected):
-    mixed = 0.25 * HIT + 0.75 * MISS
-    found = next_probability(after([look(1.0 - detected), look(detected)]))
-    np.testing.assert_allclose(found, [mixed if expected is None else expected])
 
 
 def test_usual_probability_is_that_of_unknown_targets_and_recovered():
@@ -117,39 +108,11 @@ def test_looks_count_where_they_cover_a_target():
     assert len(kept.detected) == len(kept.pairs) == 2
 
 
-def chain(rng, length, correlation, mean=MEAN):
-    """Return the detections of a target in consecutive looks, 0 or 1, (N,)."""
-    draws, found = rng.random(length), np.empty(length)
-    found[0] = draws[0] < mean
-    for look in range(1, length):
-        found[look] = draws[look] < mean + correlation * (found[look - 1] - mean)
-    return found
-
-
 def learned(detected, expected, start=0.0):
     """Return the correlation after these looks at one target."""
     expected = np.broadcast_to(expected, detected.shape)
     sums = sums_of(detected[1:], detected[:-1], expected[1:], expected[:-1])
     return CorrelatedMisses(start, learned=True).after(sums.sum(axis=0))
-
-
-@pytest.mark.parametrize("true", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize("expected", [MEAN, 0.35, 0.95])
-def test_correlation_is_found_within_its_deviation(true, expected):
-    """The configured mean may be wrong."""
-    found = [
-        learned(chain(np.random.default_rng(seed), 1500, true), expected) for seed in range(40)
-    ]
-    normal = [(each.value - true) / each.std for each in found]
-    assert np.sqrt(np.mean(np.square(normal))) < 1.35
-    assert abs(np.mean(normal)) < 0.5
-
-
-def test_correlation_is_little_where_looks_show_none():
-    found = [learned(chain(np.random.default_rng(s), 300, 0.0), MEAN).value for s in range(40)]
-    assert np.mean(found) < 0.02
-    assert learned(np.ones(500), MEAN).value == 0.0
-    assert learned(np.ones(500), MEAN, start=0.5).value == 0.5
 
 
 def test_a_probability_that_falls_with_the_range_is_no_correlation():

@@ -205,19 +205,6 @@ def mixture(row_label, modes=2, classes=3):
     )
 
 
-def test_masses_are_those_of_the_weights():
-    found = mixture([7, 7, 9, 12, 12, 12])
-    assert found.sums.label.tolist() == [7, 9, 12]
-    expected = [found.weight[rows].sum() for rows in ([0, 1], [2], [3, 4, 5])]
-    np.testing.assert_allclose(found.sums.existence, expected)
-    np.testing.assert_allclose(found.sums.mode_weight.sum(axis=1), found.sums.mass)
-    found = mixture([7, 7, 9], classes=2)
-    expected = [found.weight[..., 0].sum(), found.weight[..., 1].sum()]
-    np.testing.assert_allclose(found.class_mass(), expected)
-    some = found.class_mass(np.array([2]))
-    np.testing.assert_allclose(some, found.weight[2].sum(axis=0))
-
-
 def test_extents_are_the_moments_of_each_target():
     found = mixture([3, 3, 8])
     extents = found.extents(PLANAR)
@@ -233,13 +220,6 @@ def test_extents_are_the_moments_of_each_target():
         expected = [*centre[[0, 2, 1, 3]], *deviations]
         np.testing.assert_allclose(extents.moments[target], expected)
     assert extents.target.tolist() == [0, 0, 1]
-
-
-def test_joined_and_taken_rows_are_the_same_hypotheses():
-    one, other = mixture([1, 2]), mixture([5])
-    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 4, SIZE)])
-    assert whole.row_label.tolist() == [1, 2, 5]
-    np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 
 
 def test_empty_and_read_only_mixtures():

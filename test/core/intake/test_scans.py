@@ -1,4 +1,3 @@
-import itertools
 import re
 
 import numpy as np
@@ -253,20 +252,6 @@ def test_add_resets_only_beyond_the_threshold(back_s, reset):
     assert events == ([Reset] if reset else [Rejection.LATE])
 
 
-@pytest.mark.parametrize("slow_first", list(itertools.product([False, True], repeat=3)))
-def test_add_waits_for_a_radar_of_half_the_rate_whichever_arrives_first(slow_first):
-    # Radar 1 reports every second stamp, so it never misses two in a row.
-    stream = []
-    for pair, first in enumerate(slow_first):
-        both = [(1, 12 * pair), (0, 12 * pair)]
-        stream += (both if first else both[::-1]) + [(0, 12 * pair + 6)]
-    group = grouper()
-    events = feed(group, *stream) + group.close_all()
-    assert shape(events) == [
-        scan for pair in range(3) for scan in ((12 * pair, (0, 1)), (12 * pair + 6, (0,)))
-    ]
-
-
 @st.composite
 def in_order_streams(draw):
     """Return reports in the order of their stamps; who reports a stamp, and first, is free."""
@@ -315,18 +300,6 @@ def test_add_loses_nothing_of_an_in_order_stream_but_what_was_closed_without_it(
         before = stamps[: stamps.index(stamp_ns)][-2:]
         misses = [(radar, earlier) not in reported for earlier in before]
         assert misses == [True, True]
-
-
-@settings(deadline=None, max_examples=60)
-@given(radars=st.integers(1, 4), scans=st.integers(1, 15), seed=st.integers(0, 10**6))
-def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
-    rng = np.random.default_rng(seed)
-    group = ScanGrouper(radars, reset_threshold_s=10.0)
-    events = feed(
-        group, *((int(radar), 6 * k) for k in range(scans) for radar in rng.permutation(radars))
-    )
-    assert shape(events) == [(6 * k, tuple(range(radars))) for k in range(scans)]
-    assert not group.waiting
 
 
 def waiting(radars=2, seconds=6.0):

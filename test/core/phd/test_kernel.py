@@ -144,30 +144,6 @@ def test_backward_steps_equal_the_dense_equations(run, name):
         found = smoothed.weight
 
 
-def test_build_is_the_kernel_with_survival_of_the_true_interval(run):
-    # Compare the entries in which an earlier row explains more than a millionth of the later row;
-    # entries beyond the gate are smaller.
-    _, stored, _, links, dense = run
-    for earlier, link, (kernel, mu) in zip(stored[:-1], links, dense, strict=True):
-        expected = kernel * earlier.weight / np.where(mu > 0.0, mu, np.inf)[:, None]
-        found = link.ratio.toarray().T * earlier.weight
-        matter = expected > 1e-6
-        np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-4)
-    _, _, intervals, links, _ = run
-    for link, dt in zip(links, intervals, strict=True):
-        np.testing.assert_allclose(link.survival, 0.99 ** (dt / 6.0), rtol=1e-12)
-
-
-def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
-    # A slow particle of the other class, which only a spawn explains.
-    model = replace(small({"spawn.rate": 0.5}).model, births=())
-    earlier = particles([[0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], mode=np.array([0]))
-    later = replace(earlier, mode=np.array([2]), parent=np.array([0]))
-    link = backward_kernel.build(earlier, later, model, 6.0)
-    assert link.orphans == 0
-    assert link.ratio.toarray().tolist() == [[0.0]]
-
-
 @pytest.mark.parametrize("rate", [0.0, 0.01])
 def test_build_gives_an_orphan_to_its_parent(rate):
     model = replace(small({"spawn.rate": rate}).model, births=())

@@ -82,36 +82,6 @@ def test_comb_loses_no_copy_by_rounding(offset, size):
     assert (copies >= 0).all()
 
 
-@settings(deadline=None, max_examples=100)
-@given(
-    mass=st.lists(st.floats(1e-7, 5.0), min_size=1, max_size=10).map(np.array),
-    per_target=st.integers(10, 500),
-    least=st.integers(1, 50),
-)
-def test_allocate_keeps_the_mass_of_every_group_with_a_particle_of_its_own(mass, per_target, least):
-    count, weight = resampling.allocate(mass, per_target, least, np.random.default_rng(0))
-    sure = mass * per_target >= 1.0
-    np.testing.assert_allclose((count * weight)[sure], mass[sure], rtol=1e-12)
-    assert (count[sure] >= least).all()
-    np.testing.assert_array_less(count[sure], np.maximum(mass[sure] * per_target, least) + 1.0)
-
-
-def test_within_leaves_alone_what_fits():
-    mass = np.array([1.0, 0.2, 1e-3])
-    assert resampling.fit_to_budget(mass, budget(1500, 1000, 100)) == (1000, 100)
-
-
-def test_within_takes_first_from_those_without_mass():
-    # Two targets, and a thousand groups of small mass.
-    mass = np.concatenate([[1.0, 1.0], np.full(1000, 0.01)])
-    density, least = resampling.fit_to_budget(mass, budget(20_000, 1000, 200))
-    assert density == 1000
-    count, weight = resampling.allocate(mass, density, least, np.random.default_rng(0))
-    assert count[:2].tolist() == [1000, 1000]
-    assert 10_000 < count.sum() <= 20_000
-    np.testing.assert_allclose(count * weight, mass, rtol=1e-12)
-
-
 def test_within_holds_for_more_mass_than_it_has_particles_for():
     mass = np.random.default_rng(0).uniform(0.0, 2.0, 3000)
     density, least = resampling.fit_to_budget(mass, budget(2000, 1000, 200))

@@ -127,25 +127,6 @@ def one_step(death_term, survival=SURVIVAL, later=LATER, parts=PARTS):
     return phd, step(phd, link, later, death_term)
 
 
-def test_backward_step_with_the_paper_term_is_the_printed_equation():
-    phd, smoothed = one_step(printed_death_term)
-    expected = phd.weight * (RATIO @ LATER + 1.0 - SURVIVAL)
-    np.testing.assert_allclose(smoothed.weight, expected, rtol=1e-14)
-
-
-def test_backward_step_with_the_bernoulli_term_scales_each_component_death():
-    _, smoothed = one_step(bernoulli_death_term)
-    b = RATIO @ LATER
-    components = np.zeros_like(PARTS)
-    for j in range(2):
-        alive = min(sum(PARTS[s, j] * b[s] for s in range(4)), 1.0)
-        phi = (1.0 - alive) / (1.0 - sum(SURVIVAL[s] * PARTS[s, j] for s in range(4)))
-        for s in range(4):
-            components[s, j] = PARTS[s, j] * (b[s] + (1.0 - SURVIVAL[s]) * phi)
-    np.testing.assert_allclose(smoothed.components.toarray(), components, rtol=1e-13)
-    np.testing.assert_allclose(smoothed.poisson, FREE * (b + 1.0 - SURVIVAL), rtol=1e-13)
-
-
 @pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
 def test_backward_step_leaves_the_filtered_set_alone(term):
     phd, _ = one_step(term)

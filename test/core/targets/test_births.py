@@ -93,17 +93,6 @@ def test_sobol_points_are_those_of_scipy(dimension, count):
     np.testing.assert_array_equal(sobol_points(dimension, count), expected)
 
 
-@pytest.mark.parametrize("dimension", DIMENSIONS)
-@pytest.mark.parametrize("log_count", [0, 1, 5, 13])
-def test_sobol_points_have_one_in_every_interval_of_each_axis(dimension, log_count):
-    count = 2**log_count
-    points = sobol_points(dimension, count)
-    assert points.shape == (count, dimension)
-    np.testing.assert_array_equal(
-        np.sort(points, axis=0), np.tile(np.arange(count) / count, (dimension, 1)).T
-    )
-
-
 @pytest.mark.parametrize("count", [12, 0, 2 ** (BITS + 1)])
 def test_sobol_points_refuse_a_count_that_is_no_power_of_two(count):
     with pytest.raises(ValueError, match=f"count: {count} given, must be"):

@@ -121,33 +121,6 @@ def test_floored_eigenvalues_change_no_other_covariance_of_the_batch():
     np.testing.assert_array_equal(found[0], nearly_singular)
 
 
-def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
-    rng = np.random.default_rng(5)
-    mean, covariance = priors(rng, 3)
-    measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
-    gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
-    paired = (gaussian, column)
-    noise = np.tile(RADAR.noise_std, (2, 1))
-    gaussians = WeightedGaussians.of(mean, covariance)
-    found = kalman.innovations(gaussians, RADAR, Measured(measurement, noise), paired)
-    some = gaussian >= 0
-    noise = np.tile(RADAR.noise_std, (some.sum(), 1))
-    rows = gaussian[some]
-    seen = Measured(measurement[column[some]], noise)
-    alone = kalman.innovations(WeightedGaussians.of(mean[rows], covariance[rows]), RADAR, seen)
-    for part, expected in zip(found, alone, strict=True):
-        np.testing.assert_array_equal(part[some], expected)
-    assert found.log_likelihood[1] == -np.inf
-    rows = np.array([0, 2, 2])
-    later = kalman.update(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
-    np.testing.assert_array_equal(later[0][:2], mean[rows[:2]])
-    np.testing.assert_array_equal(later[1][:2], covariance[rows[:2]])
-    last = kalman.Innovation(*(part[2:] for part in alone))
-    right = kalman.update(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
-    for part, expected in zip(later, right, strict=True):
-        np.testing.assert_array_equal(part[2:], expected)
-
-
 def covariance(rng, size, absent=()):
     """Return a random covariance of a state, zero on some axes."""
     root = rng.normal(size=(size, size)) * SCALE[:size, None]
@@ -190,29 +163,6 @@ def test_axis_that_others_determine_is_left_out(size):
     solved = of_size(blocks.solve, size)(factor, vector)[:size]
     vector[1] = 0.0
     np.testing.assert_allclose(solved, vector / SCALE[:size] ** 2)
-
-
-def test_sums_of_mean_and_spread_are_the_moments_of_a_mixture(size):
-    rng = np.random.default_rng(1)
-    share, mean = rng.dirichlet(np.ones(3)), SCALE[:size] * rng.normal(size=(3, size))
-    spread = np.array([covariance(rng, size) for _ in range(3)])
-    centre, total = np.zeros(size), np.zeros((size, size))
-    for one in range(3):
-        of_size(blocks.add_mean, size)(share[one], mean[one], centre)
-    for one in range(3):
-        of_size(blocks.add_spread, size)(share[one], mean[one], spread[one], centre, total)
-    np.testing.assert_allclose(centre, share @ mean)
-    apart = mean - share @ mean
-    expected = np.einsum("k,kij->ij", share, spread + apart[:, :, None] * apart[:, None])
-    np.testing.assert_allclose(total, expected)
-
-
-def test_product_with_a_covariance_is_that_of_its_matrix(size):
-    rng = np.random.default_rng(2)
-    vector, matrix = SCALE[:size] * rng.normal(size=size), covariance(rng, size)
-    found = of_size(blocks.times, size)(vector, matrix)
-    np.testing.assert_allclose(found[:size], vector @ matrix, rtol=1e-12)
-    assert found[size:] == (0.0,) * (len(SPATIAL) - size)
 
 
 def moved_by(covariance, motion):

@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     Amplitudes,
     DetectionProbability,
     detection_probability,
-    log_amplitude,
     snr_after,
 )
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
@@ -61,31 +60,6 @@ LIMITS = {
 def amplitudes_of_one(count):
     """Return amplitudes of detections that are as likely for the only class and cell."""
     return frozen(Amplitudes(np.zeros(count), np.ones((count, 1, 1))))
-
-
-@pytest.mark.parametrize(
-    ("existence", "missed", "odds", "kept"),
-    [
-        # A target has one of two detections, or the other.
-        (0.9, 0.1, [1.0, 2.5], [1]),
-        (0.9, 0.1, [1.0, 2.0], [0, 1]),
-        # It may be missed instead, or may not exist.
-        (0.5, 0.4, [0.45, 0.2], []),
-        (0.5, 0.1, [0.45, 0.2], [0]),
-    ],
-)
-def test_likely_pairs_are_of_a_share_of_all_that_may_be(existence, missed, odds, kept, monkeypatch):
-    monkeypatch.setattr(likely_pairs, "LEAST_SHARE", 0.3)
-    mixture = mixture_of(Dynamics(lone().model), [(existence, MEAN, STD)])
-    row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
-    log_likelihood = np.log(np.array(odds) / existence)[:, None]
-    likelihoods = frozen(PairLikelihoods(row, column, log_likelihood, none, none, none[None]))
-    detection_probability = np.full((1, 1, 1), 1.0 - missed / existence)
-    found, amplitude = likely_pairs.select_likely(
-        mixture, detection_probability, likelihoods, amplitudes_of_one(2)
-    )
-    np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
-    np.testing.assert_array_equal(found, kept)
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -199,15 +173,6 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     assert np.isfinite(found[0][near][:, mixture.sums.mode_weight[0] > 0.0]).all()
 
 
-def test_gate_pairs_of_no_detections_is_empty():
-    mixture = a_mixture(np.random.default_rng(0))
-    expected = RADAR.of_gaussians.expected(mixture.mean, mixture.covariance)
-    none = Detections(np.zeros((0, 2)), None)
-    row, column, log_likelihood = gated(mixture, expected, none)
-    assert len(row) == len(column) == 0
-    assert log_likelihood.shape == (0, 2)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
     rng = np.random.default_rng(seed)
@@ -226,29 +191,6 @@ def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
         assert (np.diff(mass[own]) <= 0.0).all()
         dropped = np.setdiff1d(np.flatnonzero(target == one), own)
         assert mass[dropped].max(initial=0.0) <= mass[own].min()
-
-
-@pytest.mark.parametrize("amplitude", ["memory", "band", "none"])
-def test_amplitudes_are_likelihoods_relative_to_the_most_likely_cell(amplitude):
-    model = resolve({"amplitude": amplitude}).model
-    dynamics, measured = Dynamics(model), np.array([[5e3, 0.1], [7e3, -2.0], [4e3, 1.0]])
-    report = View.of(model.radars[0], Detections(measured, np.array([4.0, np.nan, 60.0])))
-    found, expected = Amplitudes.of(report, dynamics), log_amplitude(report, dynamics)
-    np.testing.assert_allclose(found.relative.max(axis=(1, 2)), 1.0)
-    with np.errstate(divide="ignore"):
-        log_likelihood = found.largest[:, None, None] + np.log(found.relative)
-    tiny = np.exp(expected - expected.max(axis=(0, 1))) == 0.0
-    expected = np.where(tiny, -np.inf, expected).transpose(2, 0, 1)
-    np.testing.assert_allclose(log_likelihood, expected, rtol=1e-9)
-
-
-def test_detection_probability_by_cell_is_that_of_each_threshold():
-    model = resolve({"amplitude": "memory"}).model
-    dynamics, radar = Dynamics(model), model.radars[0]
-    power = np.exp(dynamics.cells.log_snr)
-    for threshold in (radar.threshold, radar.threshold + 1.0, radar.threshold):
-        found = dynamics.cell_probability(threshold)
-        np.testing.assert_allclose(found, np.exp(-0.5 * threshold**2 / power), rtol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-310])

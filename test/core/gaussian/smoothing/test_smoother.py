@@ -138,17 +138,6 @@ def test_window_that_slides_is_smoothed_as_one_that_was_always_whole():
     assert joined > 0
 
 
-def test_engine_smooths_the_arrays_of_its_window_and_holds_no_others():
-    engine = new_engine(small({"lag": 4}))
-    stepped(engine, [scan for _, scan in simulate(short_scenario(8), 3)])
-    tables = engine._lineages._tables
-    for table, entry in zip(tables, engine._window, strict=True):
-        assert table.filtered.covariance is entry.stored.covariance
-        assert (table.links is None) == (entry.link is None)
-    assert tables[0].links is None
-    assert tables[1].links.gain is engine._window[1].link.moves.gain
-
-
 def gaussians(smoothed, stamp_ns):
     """Return the smoothed Gaussians of the updates around a stamp, update by update."""
     before, after = smoothed.around(stamp_ns)
@@ -241,20 +230,6 @@ def test_targets_at_the_stamp_of_a_whole_scan_are_those_of_its_smoothed_mixture(
     np.testing.assert_array_equal(found.state, expected.state)
     np.testing.assert_array_equal(found.covariance, expected.covariance)
     np.testing.assert_array_equal(found.weight, expected.weight)
-
-
-def test_lineages_of_another_window_are_not_continued():
-    entries = window(5)
-    own = lineages.Lineages()
-    assert not own._is_continued_by(entries)
-    own.extend(entries[:-1])
-    assert own._is_continued_by(entries)
-    assert own._is_continued_by(entries[9:])
-    assert not own._is_continued_by(entries[:-2])  # It went back
-    assert not own._is_continued_by(entries[-1:])  # It has none of them
-    # A changed entry changes all later ones, the latest of them included.
-    copied = replace(entries[-2], stored=replace(entries[-2].stored))
-    assert not own._is_continued_by([*entries[:-2], copied, entries[-1]])
 
 
 def test_lineages_begin_again_with_a_window_that_went_back():
