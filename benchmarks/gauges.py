@@ -46,7 +46,7 @@ WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
     "lines of the product": 77_881,
-    "files of the product": 408,
+    "files of the product": 418,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 11.9,
     f"functions with {MANY} parameters or more": 1,
@@ -55,8 +55,8 @@ LIMITS: Mapping[str, float] = {
     "public members of Sensor": 29,
     "circles of imports": 0,
     "files that a scan enters": 74,
-    "Python calls in a scan": 1_035,
-    "returns in a scan": 914,
+    "Python calls in a scan": 1_003,
+    "returns in a scan": 876,
 }
 
 
