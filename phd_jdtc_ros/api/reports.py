@@ -39,6 +39,8 @@ POSITION = ("x", "y")
 # Columns in degrees, with the largest magnitude of each.
 NAMES = (("lat", "lon"), ("latitude", "longitude"))
 MOST_DEG = (90.0, 360.0)
+# Places nearer to latitude and longitude 0 are on the open sea south of Ghana.
+LEAST_DEG = 1.0
 # Places farther from a given origin than this, metres, seem wrong if another reading of their
 # columns is nearer by this factor.
 ELSEWHERE, NEARER = 1e6, 10.0
@@ -93,19 +95,32 @@ def in_plane(columns: Columns, origin: Sequence[float]) -> Columns:
 
 
 def _probably(pair: tuple[str, str], degrees: Sequence[FloatArray]) -> str:
-    """Return the words for what explains places that are not on the earth; empty if nothing."""
+    """Return the words for what explains places that are not on the earth; empty if nothing.
+
+    A reading counts if it puts all of them on the earth, and not about its zero, where any number
+    would be that is divided by enough.
+    """
     # Other units of both, of which a degree has so many.
     units = {6e5: "1/10000 minutes", 1e7: "1e-7 degrees"}
-    largest = [float(np.nanmax(np.abs(column))) for column in degrees]
+    sizes = np.abs(degrees)
+    sizes = sizes[:, np.isfinite(sizes).all(axis=0)]
+    largest, which = sizes.max(axis=1, initial=0.0), " and ".join(pair)
+    beyond = (sizes > np.array(MOST_DEG)[:, None]).any(axis=0)
+    if not beyond.all() and (np.ptp(sizes[:, beyond], axis=1) == 0.0).all():
+        return f"; if it stands for an unknown place, leave {which} empty there"
     if _are_on_earth(largest[::-1]):
-        return f"; are {' and '.join(pair)} swapped?"
+        return f"; are {which} swapped?"
+    whole, minutes = np.divmod(sizes, 100.0)
+    if (minutes < 60.0).all() and _are_on_earth(whole.max(axis=1, initial=0.0)):
+        return "; probably these are degrees and minutes in one number: add minutes / 60 to degrees"
     for factor, unit in units.items():
-        if _are_on_earth([size / factor for size in largest]):
+        reading = largest / factor
+        if _are_on_earth(reading) and reading.max() >= LEAST_DEG:
             return f"; probably these are {unit}: divide both columns by {factor:.0f}"
     return ""
 
 
-def _are_on_earth(degrees: Sequence[float]) -> bool:
+def _are_on_earth(degrees: Sequence[float] | FloatArray) -> bool:
     return all(abs(size) <= most for size, most in zip(degrees, MOST_DEG, strict=True))
 
 

@@ -225,6 +225,25 @@ def test_latitudes_and_longitudes_that_are_wrong_are_named_with_their_cause():
         Tracker().fit(on_earth(lambda lat, lon: (lon + 100.0, lat)))
 
 
+@pytest.mark.parametrize("unknown", [(91.0, 181.0), (-999.0, -999.0)])
+def test_number_that_stands_for_an_unknown_place_is_not_taken_for_another_unit(unknown):
+    def some_unknown(*both):
+        rare = np.arange(len(both[0])) % 15 == 3
+        return [np.where(rare, own, column) for own, column in zip(unknown, both, strict=True)]
+
+    said = rf"lat: {unknown[0]:g} in row 4.*leave lat and lon empty there$"
+    with pytest.raises(ValueError, match=said):
+        Tracker().fit(on_earth(some_unknown))
+
+
+def test_degrees_and_minutes_in_one_number_are_named_as_such():
+    def with_minutes(*both):
+        return [100.0 * np.floor(each) + each % 1.0 * 60.0 for each in both]
+
+    with pytest.raises(ValueError, match=r"degrees and minutes in one number: add minutes / 60"):
+        Tracker().fit(on_earth(with_minutes))
+
+
 def test_places_far_from_their_origin_are_no_fault(recwarn):
     tracker = Tracker({"world_origin": [40.0, 8.54, 0.0]})
     tracker.fit(on_earth()).track(on_earth())
