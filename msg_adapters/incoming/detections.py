@@ -154,6 +154,9 @@ def _wanted_fields(
 
 
 def require_frame(frame: str, own: SensorParameters) -> None:
-    """Raise `RejectedMessageError` if a message is not in its sensor's frame."""
-    if frame != own.frame:
+    """Raise `RejectedMessageError` if a message is in another frame than its sensor's.
+
+    Drivers that know no frames name none: their messages are in the sensor's.
+    """
+    if frame not in ("", own.frame):
         raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {own.frame!r}")

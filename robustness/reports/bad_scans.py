@@ -143,7 +143,6 @@ def cases() -> list[BadScan]:
     }
     frame = {
         "unknown frame": _set(header__frame_id="base_link"),
-        "empty frame": _set(header__frame_id=""),
         "the other radar's frame": _set(header__frame_id="radar_2"),
         "frame with a slash": _set(header__frame_id="/radar_1"),
         "frame of 10 000 letters": _set(header__frame_id="r" * 10_000),

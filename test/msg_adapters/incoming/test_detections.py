@@ -96,7 +96,11 @@ def test_names_are_recognised_in_other_letter_cases():
     assert_allclose(found.amplitude, [3.0])  # An envelope as before, and no decibels
 
 
-@pytest.mark.parametrize("frame", ["", "radar_2", "map", "/radar_1"])
+def test_from_msg_takes_a_cloud_without_a_frame_to_be_in_that_of_its_radar():
+    assert len(adapter.from_msg(polar(GOOD, frame=""), radar()).detections) == 2
+
+
+@pytest.mark.parametrize("frame", ["radar_2", "map", "/radar_1"])
 def test_from_msg_rejects_another_frame(frame):
     with pytest.raises(RejectedMessageError) as caught:
         adapter.from_msg(polar(GOOD, frame=frame), radar())
