@@ -168,8 +168,13 @@ def findings_of(
         changed = {"area": reach} if isinstance(reach, tuple) else {"max_range": reach}
         found[radar] = replace(own, field=replace(own.field, **changed))
     if faults:
-        raise BagError(f"{source}: {'; '.join(faults)}")
+        raise _fault(f"{source}: {'; '.join(faults)}", recorded.damage)
     return found
+
+
+def _fault(text: str, damage: BagError | None) -> BagError:
+    """Return an error with the damage of the bag, which may be its cause."""
+    return BagError(text) if damage is None else BagError(f"{text}; {damage}", corrupt=True)
 
 
 def proposed(
@@ -216,19 +221,19 @@ def parameters_of(source: Path, note: Callable[[str], None]) -> dict[str, Any]:
 def recognised_radars(bag: BagReader) -> dict[str, Any]:
     """Return parameters for the radars in a bag; `BagError` if none of its topics is a radar."""
     found: dict[str, Any] = {"sensors": []}
-    seen = []
+    intact, seen = Intact(bag), []
     for topic, kind in sorted(bag.types.items()):
         if kind in _DEFINED:
-            given: dict[str, Any] | None = {"message": _DEFINED[kind], **_frame_of(bag, topic)}
+            given: dict[str, Any] | None = {"message": _DEFINED[kind], **_frame_of(intact, topic)}
         elif kind == names.DETECTIONS_3D:
             if interfaces.installed_class(kind) is None:
                 raise BagError(f"{bag.path}: {topic} needs vision_msgs, which is not installed")
-            given = {"kind": "position", "message": "detections_3d", **_frame_of(bag, topic)}
+            given = {"kind": "position", "message": "detections_3d", **_frame_of(intact, topic)}
         elif kind == names.CLOUD:
-            clouds = _clouds(bag, topic)
+            clouds = _clouds(intact, topic)
             given = recognised.parameters(clouds)
             fields = sorted({field.name for cloud in clouds for field in cloud.fields})
-            seen.append(f"{topic} ({', '.join(fields)})")
+            seen.append(f"{topic} ({', '.join(fields) or 'without any cloud'})")
         else:
             continue
         if given is None:
@@ -242,11 +247,14 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     if any(f"{name}.fields.elevation" in found for name in found["sensors"]):
         found["state"] = "space"
     if not found["sensors"]:
-        raise BagError(
+        advice = ". Name them in a parameter file and give it as --params-file"
+        # One topic shows what kind of recording it is.
+        foreign = next((f"; {topic} is {bag.foreign[topic]}" for topic in sorted(bag.foreign)), "")
+        raise _fault(
             f"{bag.path}: has no cloud with a range and an azimuth, or with x and y, that are "
             "recognised by their names and are FLOAT32 or FLOAT64, in metres; it has "
-            f"{'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file and give it "
-            "as --params-file"
+            f"{'; '.join(seen) + advice if seen else 'no clouds at all'}{foreign}",
+            intact.damage,
         )
     frames = {name: moving_radars.plain(found[f"{name}.frame"]) for name in found["sensors"]}
     return found | _placed(bag, frames)
@@ -271,10 +279,10 @@ def _placed(bag: BagReader, frames: Mapping[str, str]) -> dict[str, Any]:
     return {"world_frame": world, **placed} if placed else {}
 
 
-def _clouds(bag: BagReader, topic: str) -> list[Any]:
+def _clouds(intact: Intact, topic: str) -> list[Any]:
     """Return some clouds of a topic."""
     found = []
-    for entry in Intact(bag).messages([topic]):
+    for entry in intact.messages([topic]):
         try:
             found.append(interfaces.decode(entry.data, names.CLOUD))
         except RejectedMessageError:
@@ -285,8 +293,8 @@ def _clouds(bag: BagReader, topic: str) -> list[Any]:
     return found
 
 
-def _frame_of(bag: BagReader, topic: str) -> dict[str, str]:
-    for entry in Intact(bag).messages([topic]):
+def _frame_of(intact: Intact, topic: str) -> dict[str, str]:
+    for entry in intact.messages([topic]):
         # The frame's name, a string, follows 4 bytes of encapsulation and 8 of the stamp.
         size = int.from_bytes(entry.data[12:16], "little")
         return {"frame": entry.data[16 : 16 + max(size - 1, 0)].decode(errors="replace")}

@@ -20,6 +20,7 @@ from msg_adapters.encoding import interfaces, names
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes import playback
+from phd_jdtc_ros.tools import recorded_plots
 from robustness.hostile_input.bags import outcome
 
 
@@ -116,7 +117,9 @@ def test_a_topic_of_another_encoding_is_named_as_such(tmp_path, encoding, schema
         playback.select(reader, [])
     with pytest.raises(BagError) as wanted:
         playback.select(reader, [RADAR])
-    for error in (required, played, wanted):
+    with pytest.raises(BagError) as recognised:
+        recorded_plots.recognised_radars(reader)
+    for error in (required, played, wanted, recognised):
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")
         assert "missing" not in str(error.value)
         assert "\n" not in str(error.value)

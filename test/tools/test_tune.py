@@ -190,6 +190,26 @@ def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, ca
     assert "it has /lidar/points (ring, x). Name them" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("lost", ["all", "most"])
+def test_tune_names_the_damage_that_leaves_it_too_little(tmp_path, lost, capsys):
+    # The clouds of one chunk, which a wrong bit damages, or those that a cut leaves.
+    rng = np.random.default_rng(2)
+    clouds = [
+        point_cloud.encode(k * 10**8 + 1, "lidar", {"x": 9.0 * rng.random(3), "y": rng.random(3)})
+        for k in range(40)
+    ]
+    entries = [("/lidar/points", each, k * 10**8 + 1) for k, each in enumerate(clouds)]
+    (file,) = write(tmp_path / "bag", ["/lidar/points"], entries).glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    if lost == "all":
+        data[len(data) // 2] ^= 0xFF
+    else:
+        del data[len(data) // 3 :]
+    file.write_bytes(data)
+    assert tune(tmp_path / "bag") == 3
+    assert "damaged" in capsys.readouterr().err
+
+
 # Recognition of fields.
 
 
