@@ -175,7 +175,8 @@ class RadarState:
     """Progress and message counts of one radar.
 
     `counts` has skipped or bridged messages by reason: the reasons of `Assembler` and `RadarClock`;
-    ``second_source``, messages from another address than the radar's; ``source_changed``; and
+    ``second_source``, messages from another address than the radar's; ``source_changed``;
+    ``second_place``, messages that put the radar elsewhere than the first of them; and
     ``time_off``, messages whose time is far from their receipt. Plots with such a time are kept
     unchanged, but a message with such a time moves neither the antenna nor the clock.
     """
@@ -197,11 +198,30 @@ class RadarState:
     # differ; absent if unknown.
     sources: dict[type, str] = field(default_factory=dict)
     other_source: str | None = None  # The latest refused source
+    other_site: tuple[float, float, float] | None = None  # The latest place of ``second_place``
     time_ns: int = 0  # Time of the latest message
     statistics: PlotStatistics = field(default_factory=PlotStatistics)
     waiting: list[tuple[Message, int | None]] = field(default_factory=list)
     batches: Batches = field(default_factory=lambda: Batches(PERIOD_NS))
     _received_ns: dict[type, int] = field(default_factory=dict)
+
+    def take_site(self, site: tuple[float, float, float] | None) -> None:
+        """Take the place that a message gives, if none is known, and count another one.
+
+        Two radars have one number then, two numbers have been exchanged, or the radar has moved. A
+        configured place stands against all messages.
+        """
+        # Satellite navigation is off by less, degrees: 500 m.
+        apart = 0.005
+        if site is None or self.settings.site is not None:
+            return
+        self.site = self.site or site
+        if (
+            max(abs(own - other) for own, other in zip(self.site[:2], site[:2], strict=True))
+            > apart
+        ):
+            self.other_site = site
+            self.counts["second_place"] += 1
 
     def accept_source(self, kind: type, source: str | None, now_ns: int) -> bool:
         """Return whether messages of this kind are accepted from this source, and count it.
@@ -353,7 +373,7 @@ class PlotStream:
             state.assembler.keep_plot(message, time_ns)
             return []
         state.services += 1
-        state.site = state.site or message.site
+        state.take_site(message.site)
         return [*state.assembler.add_service(message, time_ns)] if plausible else []
 
     def _locate_and_take(

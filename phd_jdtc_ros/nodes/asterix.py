@@ -86,11 +86,17 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
     quiet = f"silent for {quiet_s:.0f} s" if messages else "no messages yet"
     sources = " and ".join(dict.fromkeys(state.sources.values()))
     second = at.recent(f"{name} second", state.counts["second_source"])
+    places = at.recent(f"{name} places", state.counts["second_place"])
     arriving_late = at.recent(f"{name} late", late)
     condition = first(
         at.inactive,
         (WARN, quiet_s > SILENT_S, quiet),
         (WARN, second, f"two sources: {sources} used, {state.other_source} ignored"),
+        (
+            WARN,
+            places,
+            "two places: several radars have this SAC/SIC, or it moves; the first is used",
+        ),
         (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
         (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
         (OK, True, f"{_taken(state)} in {state.reports} clouds"),

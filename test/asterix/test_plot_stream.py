@@ -119,6 +119,21 @@ def test_second_source_of_a_radar_is_left_out_while_the_first_sends():
     assert state.other_source == "b"
 
 
+def test_radar_whose_messages_give_another_place_keeps_the_first_and_counts_them():
+    places = [(50.0, 8.0, 100), (50.0001, 8.0001, 110), (49.9, 8.5, 90), (49.9, 8.5, 90)]
+    stream = PlotStream({})
+    fed(stream, [made.site(*place) for place in places])
+    (state,) = stream.radars.values()
+    assert state.site == pytest.approx(places[0], abs=1e-4)
+    assert state.other_site == pytest.approx(places[-1], abs=1e-4)
+    assert state.counts["second_place"] == 2
+    # What is configured stands against all messages.
+    stream = PlotStream({0x102: RadarSettings("a", site=(48.0, 9.0, 0.0))})
+    fed(stream, [made.site(*place) for place in places])
+    assert stream.radars[0x102].site == (48.0, 9.0, 0.0)
+    assert not stream.radars[0x102].counts["second_place"]
+
+
 def test_second_source_takes_over_when_the_first_is_silent():
     stream = PlotStream({})
     fed(stream, made.revolutions(1, start_s=1000.0), "a", 1000.0)

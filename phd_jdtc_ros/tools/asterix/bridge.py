@@ -129,6 +129,7 @@ class Conversion:
             yield self.ports.silence
             return
         yield from damage(self.recording)
+        yield from self._places()
         what, used, lost = self._share()
         if used and used >= LEAST_USED * (used + lost):
             return
@@ -146,6 +147,19 @@ class Conversion:
             + (f"; left out: {reasons}" if reasons else "")
             + (f"; SAC/SIC of unknown radars: {self._unknown()}" if self.stream.unknown else "")
         )
+
+    def _places(self) -> Iterator[str]:
+        """Yield a line for each radar that messages put at several places."""
+        for state in self.radars():
+            count = state.counts["second_place"]
+            # A damaged byte may put one message elsewhere.
+            if state.site and state.other_site and count > 1:
+                own, other = (f"{at[0]:.4f}, {at[1]:.4f}" for at in (state.site, state.other_site))
+                yield (
+                    f"{state.settings.name} is at {own} first and in {count} messages elsewhere, "
+                    f"such as {other}: two radars have its SAC/SIC, or it was moved; all its plots "
+                    "are taken as seen from the first place"
+                )
 
     def _share(self) -> tuple[str, int, int]:
         """Return what the recording is of, how much was used, and how much could not be.

@@ -278,6 +278,17 @@ def test_wrong_clock_and_second_source_are_reported(bridge):
     ) in said.out
 
 
+@pytest.mark.parametrize(("elsewhere", "expected"), [(0, 0), (1, 0), (2, 3)])
+def test_two_radars_of_one_number_are_told_by_their_places(bridge, elsewhere, expected):
+    seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
+    blocks = [made.site(50.0, 8.0, 100), *made.revolutions(1, seen=seen)]
+    blocks += [made.site(49.9, 8.5, 90)] * elsewhere
+    status, _, said = bridge(b"".join(blocks))
+    assert status == expected
+    told = "radar_1_2 is at 50.0000, 8.0000 first and in 2 messages elsewhere, such as 49.9"
+    assert (told in said.err) == bool(expected)
+
+
 def tracks(count):
     """Return data blocks of CAT062, each of one record with SAC and SIC only."""
     return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
