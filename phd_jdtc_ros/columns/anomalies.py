@@ -25,7 +25,8 @@ RECOVERED_DETECTION, RECOVERED_NOISE = 0.85, 1.3
 # Anomalies of single detections, and of single clouds, of which a few are normal.
 OF_DETECTIONS = frozenset(
     {
-        *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "detections_repeated"),
+        *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "fields_swapped"),
+        "detections_repeated",
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
         "heights_unusable",
         *("elevations_unusable", "elevations_opposite", "elevations_unknown"),
@@ -33,7 +34,9 @@ OF_DETECTIONS = frozenset(
         *("velocities_unusable", "positions_far"),
     }
 )
-OF_CLOUDS = frozenset({"slices_late", "late_reworked", "poses_extrapolated", "areas_unusable"})
+OF_CLOUDS = frozenset(
+    {"positions_constant", "slices_late", "late_reworked", "poses_extrapolated", "areas_unusable"}
+)
 # Largest share of them that is normal, if it is not MANY: heights come with the replies of
 # transponders, so that primary plots and false ones have none, and weak plots have no elevation. A
 # cloud of a fixed size may be nearly all padding, but not always.
@@ -293,12 +296,11 @@ _MISSING = {
 # the parameters of a sensor of the kind that has the anomaly, and of the number.
 _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
-    "azimuths_no_angles": lambda radar, count: (
-        f"{count} azimuths beyond {NO_ANGLE:g}, neither radians nor degrees; are {radar.name}."
-        "fields.azimuth and fields.range right, and not swapped?"
-    ),
-    "ranges_negative": "{count} negative ranges, which are not used; are {name}.fields.range and "
-    "fields.azimuth right, and not swapped?",
+    "azimuths_no_angles": f"{{count}} azimuths beyond {NO_ANGLE:g}, neither radians nor degrees; "
+    "convert mils or the counts of an encoder, and let NaN stand for what is unknown",
+    "ranges_negative": "{count} negative ranges, which are not used",
+    "fields_swapped": "{count} detections with azimuths that are no angles or negative ranges, and "
+    "all ranges could be angles; are {name}.fields.range and fields.azimuth swapped?",
     "azimuths_in_radians": "all azimuths are within 6.3 degrees; probably radians, set "
     "{name}.units.azimuth to rad",
     "azimuths_in_turns": lambda radar, _: (
@@ -321,6 +323,8 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "reports_nearly_repeated": "{count} clouds that repeat the detections of the cloud before "
     "under another stamp, a little apart; targets may have several tracks. Is every cloud recorded "
     "twice?",
+    "positions_constant": "{count} clouds with a place whose x and y are one number, as in the "
+    "cloud before; if it means an unknown place, let it be NaN",
     "heights_unknown": lambda radar, count: (
         f"{count} detections without a height; {_without_height(radar)}"
     ),

@@ -57,7 +57,7 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
     edges, bad_areas = _edges(columns)
     area = own.area if edges is None or own.area is EVERYWHERE else Area.rectangle(*edges)
     passed: dict[str, BoolArray] = {
-        PADDING: ~(np.isnan(columns["x"]) & np.isnan(columns["y"])),
+        PADDING: ~_blank(columns["x"], columns["y"]),
         "not_finite": finite,
         "area": area.probability(np.where(finite[:, None], place, 0.0)) > 0.0,
     }
@@ -97,6 +97,16 @@ def select(stamp_ns: int, own: PositionParameters, columns: Columns) -> Report:
         area=edges,
     )
     return Report(stamp_ns, detections, dropped, +counts)
+
+
+def _blank(x: FloatArray, y: FloatArray) -> BoolArray:
+    """Return which points have no place: both coordinates are NaN, or 0 in several points.
+
+    One target may be at (0, 0), and a driver fills the other places of its list with zeros.
+    """
+    zeros: BoolArray = (x == 0.0) & (y == 0.0)
+    blank: BoolArray = np.isnan(x) & np.isnan(y)
+    return blank | zeros if np.count_nonzero(zeros) > 1 else blank
 
 
 def _edges(columns: Columns) -> tuple[tuple[float, float, float, float] | None, int]:

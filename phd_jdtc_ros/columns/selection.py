@@ -35,7 +35,8 @@ RANGE_RATE_STDS = (1e-3, 1e3)
 Columns: TypeAlias = Mapping[str, FloatArray]
 
 
-# The reason of points that are no detections: those without any place fill a cloud of a fixed size.
+# The reason of points that are no detections: those without any place, as NaN, zeros or another
+# number in both coordinates say, fill a cloud of a fixed size, or stand for a scan without any.
 PADDING = "padding"
 
 
@@ -88,8 +89,13 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         elevation, unknown = _measured_elevation(elevation)
         measurement = ground_ranges.in_space(distance, azimuth, elevation, radar)
         reach, possible = distance, np.ones(len(distance), dtype=bool)
+    # Nothing is at a range of exactly 0, and -999 or 9999 in both stand for what is unknown.
+    one_number = (columns["range"] == columns["azimuth"]) & (
+        (columns["range"] <= 0.0) | (np.abs(columns["azimuth"]) > NO_ANGLE)
+    )
+    is_place = ~(np.isnan(columns["range"]) & np.isnan(columns["azimuth"]) | one_number)
     passed = {
-        PADDING: ~(np.isnan(columns["range"]) & np.isnan(columns["azimuth"])),
+        PADDING: is_place,
         "not_finite": _finite(columns, in_space=radar.height_prior is not None),
         "height": possible,
         # An elevation beyond the zenith is invalid, and makes the ground range negative.
@@ -130,14 +136,11 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
         height=above if radar.height_prior is None else None,
         z=None if radar.height_prior is None else above,
     )
-    beyond, no_angles = azimuth_size > largest_azimuth, 0
-    if is_beyond := bool(beyond.any()):
-        no_angles = _count(np.isfinite(azimuth_size) & (np.abs(columns["azimuth"]) > NO_ANGLE))
+    beyond = is_place & (azimuth_size > largest_azimuth)
+    if dropped or beyond.any():
+        counts |= _strange_places(columns, is_place, beyond, kept)
     counts |= {
         **common_counts,
-        "azimuths_beyond_a_turn": (_count(beyond & kept) if is_beyond and not no_angles else 0),
-        "azimuths_no_angles": no_angles,
-        "ranges_negative": _count(columns["range"] < 0.0) if dropped else 0,
         "heights_unknown": 0 if above is None else _count(~np.isfinite(above)) - absurd,
         "heights_unusable": absurd,
         "deviations_unusable": bad_ranges + bad_azimuths + bad_rate_stds,
@@ -152,6 +155,26 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     }
     anomalies = Counter({what: count for what, count in counts.items() if count})
     return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, anomalies, sector)
+
+
+def _strange_places(
+    columns: Columns, is_place: BoolArray, beyond: BoolArray, kept: BoolArray
+) -> dict[str, int]:
+    """Return the numbers of ranges and azimuths that have another meaning, by the likely one.
+
+    The fields are swapped only if all ranges could be azimuths, and not all azimuths.
+    """
+    distance, azimuth = columns["range"], columns["azimuth"]
+    negative = is_place & (distance < 0.0)
+    no_angle = beyond & np.isfinite(azimuth) & (np.abs(azimuth) > NO_ANGLE)
+    may_be_angles = (np.abs(distance[is_place & np.isfinite(distance)]) <= NO_ANGLE).all()
+    if may_be_angles and beyond.any() and (negative | no_angle).any():
+        return {"fields_swapped": _count(negative | no_angle)}
+    return {
+        "azimuths_beyond_a_turn": 0 if no_angle.any() else _count(beyond & kept),
+        "azimuths_no_angles": _count(no_angle),
+        "ranges_negative": _count(negative),
+    }
 
 
 def _count(which: BoolArray) -> int:

@@ -43,7 +43,10 @@ NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 # Number of reports that are compared, and of those from which they are the first: it takes time.
 COMPARED, COMPARED_OF = 100, 1000
 # The findings that contradict what no recording shows; the others contradict what it does.
-NOT_IN_RECORDINGS = ("azimuths_in_radians", "azimuths_in_turns", REPEATED, NEARLY_REPEATED)
+NOT_IN_RECORDINGS = (
+    *("azimuths_in_radians", "azimuths_in_turns", "positions_constant"),
+    *(REPEATED, NEARLY_REPEATED),
+)
 # A revolution in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
 # Part of an azimuth's unit within which the first and the last one are of a revolution in turns.
@@ -199,10 +202,18 @@ class PositionReportCheck(ReportCheck):
     _rounding: Rounding = field(init=False, default_factory=Rounding)
 
     def add(self, detections: Detections) -> list[str]:
-        """Return the names of the findings in a report; see `ReportCheck`."""
+        """Return the names of the findings in a report: also ``positions_constant``.
+
+        A measured place has no two equal coordinates again and again, but -999 in both stands for
+        an unknown one.
+        """
+        place, noticed = detections.measurement, list[str]()
         if self._before is not None and not is_copy(detections, self._before):
-            self._rounding.note(detections.measurement, self._before.measurement)
-        return super().add(detections)
+            self._rounding.note(place, self._before.measurement)
+            equal = place[place[:, 0] == place[:, 1], 0]
+            if len(equal) and np.isin(equal, self._before.measurement[:, 0]).any():
+                noticed.append("positions_constant")
+        return noticed + super().add(detections)
 
     def _shows_copy(self, detections: Detections) -> bool:
         """Return whether rounding does not explain that a report repeats the one before."""

@@ -228,6 +228,17 @@ def test_copies_of_positions_are_noticed_but_not_rounded_ones_of_targets_at_rest
     assert not noticed(PositionReportCheck(), standing)
 
 
+@pytest.mark.parametrize("unknown", [-999.0, 0.0])
+def test_number_that_stands_for_an_unknown_place_is_noticed(unknown):
+    rng = np.random.default_rng(5)
+    drawn = [rng.uniform(-50.0, 50.0, (6, 2)) for _ in range(4)]
+    filled = [places(*each, (unknown, unknown)) for each in drawn]
+    assert noticed(PositionReportCheck(), filled) == {"positions_constant": 3}
+    # A vehicle that stands, and one that moves along the line on which x = y.
+    crossing = [places(*each, (7.0, 8.0), (k, k)) for k, each in enumerate(drawn)]
+    assert not noticed(PositionReportCheck(), crossing)
+
+
 def test_targets_at_rest_show_that_other_positions_are_rounded_too():
     # Degrees that were rounded, and then converted: no step of metres, but the same again.
     rng = np.random.default_rng(6)

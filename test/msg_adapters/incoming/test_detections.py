@@ -161,7 +161,7 @@ def test_from_msg_counts_dropped_points_and_keeps_those_on_the_bounds():
     )
     assert report.dropped == {"padding": 1, "not_finite": 1, "range": 2, "amplitude": 1}
     assert len(report.detections) == 0
-    report = read([(0.0, 0.0, 4.0), (17e3, 0.0, 0.0), (1.0, 0.0, 1e6)])
+    report = read([(0.0, 0.1, 4.0), (17e3, 0.0, 0.0), (1.0, 0.0, 1e6)])
     assert len(report.detections) == 3
     assert not report.dropped
 
@@ -195,12 +195,32 @@ def test_from_msg_counts_ranges_and_azimuths_that_are_swapped(azimuth_in_degrees
     report = read(
         [*points, (1.0, 1e30, 4.0), (1.0, INF, 4.0)], azimuth_in_degrees=azimuth_in_degrees
     )
-    assert report.anomalies == {"azimuths_no_angles": 4, "ranges_negative": 2}
+    assert report.anomalies == {"fields_swapped": 4}
     assert report.dropped == {"range": 2, "azimuth": 1, "not_finite": 1}
-    given = radar(azimuth_in_degrees=azimuth_in_degrees)
-    texts = [*anomalies.of(given, report.anomalies)]
-    assert len(texts) == 2
-    assert all("swapped" in text for text in texts)
+    (text,) = anomalies.of(radar(azimuth_in_degrees=azimuth_in_degrees), report.anomalies)
+    assert "are radar_1.fields.range and fields.azimuth swapped?" in text
+
+
+def test_from_msg_takes_no_fields_for_swapped_whose_ranges_cannot_be_angles():
+    # Mils, 6400 a turn, and a range of the wrong sign.
+    report = read([(1e3, 6399.0, 4.0), (2e4, 800.0, 4.0), (-5e3, 10.0, 4.0), (3e3, 1.0, 4.0)])
+    assert report.anomalies == {"azimuths_no_angles": 2, "ranges_negative": 1}
+    texts = [*anomalies.of(radar(), report.anomalies)]
+    assert "mils" in texts[0]
+    assert not any("swapped" in text for text in texts)
+
+
+@pytest.mark.parametrize("unknown", [0.0, -1.0, -999.0, 9999.0])
+def test_from_msg_takes_points_of_one_impossible_number_for_padding(unknown):
+    points = [(1e3, 0.5, 4.0), *[(unknown, unknown, 0.0)] * 3]
+    report = read(points)
+    assert len(report.detections) == 1
+    assert report.dropped == {"padding": 3}
+    assert not report.anomalies
+
+
+def test_from_msg_keeps_detections_whose_range_and_azimuth_are_equal_by_chance():
+    assert len(read([(2.0, 2.0, 4.0), (400.0, 400.0, 4.0)]).detections) == 2
 
 
 @pytest.mark.parametrize("compass", [False, True])

@@ -45,6 +45,13 @@ def test_a_target_at_the_sensor_itself_is_a_detection():
     assert len(read({"x": [0.0], "y": [0.0]}).detections) == 1
 
 
+def test_zeros_that_fill_a_list_are_no_targets_at_the_sensor():
+    report = read({"x": [1.0, 0.0, 0.0, 0.0], "y": [2.0, 0.0, 0.0, 0.0]})
+    assert_array_equal(report.detections.measurement, [[1.0, 2.0]])
+    assert report.dropped == {"padding": 3}
+    assert not report.anomalies
+
+
 def test_deviations_and_velocities_are_used_under_their_usual_names():
     found = read(
         {
