@@ -387,5 +387,6 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "fov_not_configured": "all its detections are within a part of the revolution; if its field of "
     "view is limited, set {name}.fov_deg, or targets outside it count as missed",
     "slant_ranges": "ranges are used as ground ranges, which puts an aircraft at 10 km height and "
-    "15 km range 3.8 km off; set {name}.fields.height or fields.elevation",
+    "15 km range 3.8 km off; set {name}.fields.height or fields.elevation, or state: "
+    "space with the heights of targets in height_prior",
 }

@@ -21,6 +21,7 @@ from .gaussians import UNKNOWN_STD, Births, HeightPrior, Heights, PlanePlots
 from .of_gaussians.linearised import Linearised
 from .polar_geometry import MIN_RANGE
 from .polar_radar import RadarModel
+from .range_rate import Rates, Velocities
 
 
 def linearise(
@@ -211,6 +212,26 @@ class SpatialRadar(RadarModel):
         bearing = azimuth + self.yaw
         east, north = level * np.cos(bearing), level * np.sin(bearing)
         return np.stack([self.position[0] + east, self.position[1] + north, height], axis=1)
+
+    def motion_of(self, detections: Detections) -> Rates | Velocities | None:
+        """Return the range rates of detections; None without usable ones.
+
+        The noise of those without an elevation and a height includes what climbs at the heights of
+        undetected targets can add. Height and climb rate are then hardly known, and their product
+        differs from its linearisation by the same error in all looks. As the error of single looks
+        it would be averaged, and heights that nothing has shown would seem to be known.
+        """
+        rates = super().motion_of(detections)
+        if not isinstance(rates, Rates):
+            return rates
+        unknown = self.noise_std_of(detections)[:, 2] >= UNKNOWN_STD
+        if detections.z is not None:
+            unknown &= ~np.isfinite(detections.z)
+        prior, slant = self.height_prior, np.maximum(detections.measurement[:, 0], MIN_RANGE)
+        steepest = np.abs(np.sin(self.visibility.elevation_limits)).max()
+        rise = np.minimum(math.hypot(prior.mean - self.height, prior.std) / slant, steepest)
+        climbing = np.where(unknown, rise * rates.model.climb_std, 0.0)
+        return rates._replace(std=np.hypot(rates.std, climbing))
 
     def in_plane(self, detections: Detections) -> PlanePlots:
         """Return detections as places with covariances, at their own times.

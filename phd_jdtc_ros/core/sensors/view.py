@@ -277,14 +277,12 @@ class View(ReadOnly):
         """Return the sensor's standard deviations of the detections' range rates, (M,).
 
         They are NaN where the noise cannot be learned: where the range rate is unknown, has its own
-        standard deviation or a part of the climb rate, and where folds are too close together.
+        standard deviation or what a climb can add, and where folds are too close together.
         """
         model, reported_std = rates.model, self.detections.range_rate_std
-        usable = np.isfinite(rates.rate)
+        usable = np.isfinite(rates.rate) & (rates.std == model.std)
         if reported_std is not None:
             usable &= ~np.isfinite(reported_std)
-        if (rise := self.detections.rise) is not None:
-            usable &= np.nan_to_num(rise) == 0.0
         if model.ambiguity:
             # Smallest distance of folds, in standard deviations of the noise, with which the noise
             # of range rates can be learned. `evidence_of` uses innovations whose standard deviation

@@ -119,6 +119,32 @@ def test_two_slant_ranges_find_heights_and_one_does_not():
     assert config.model.largest_height_std > std
 
 
+def test_range_rates_without_elevations_make_no_height_more_certain_than_it_is():
+    own = {
+        **{"fields.elevation": "", "fields.range_rate": "range_rate", "range_rate_std": 0.2},
+        **{"position": [0.0, 0.0, 0.0], "range_std": 1.5, "azimuth_std_deg": 0.8},
+    }
+    near = {"height_prior": [200.0, 150.0, 0.0], "detection_births.std": [10.0, 0.001, 5.0]}
+    near |= {"interval_s": 0.2, "cv.vertical_noise_density": 0.1}
+    config = lone({**SPACE, **near, **{f"radar.{name}": value for name, value in own.items()}})
+    (radar,), rng, squares = config.model.radars, np.random.default_rng(31), []
+    state, angle = np.zeros((12, SIZE)), 2.0 * np.pi * np.arange(12) / 12
+    state[:, 0], state[:, 2] = 800.0 * np.cos(angle), 800.0 * np.sin(angle)
+    state[:, 5] = rng.uniform(100.0, 350.0, 12)
+    state[:, MOTION] = rng.normal(0.0, [8.0, 8.0, 1.5], (12, 3))
+    engine = new_engine(config)
+    for index in range(100):
+        rate = radar.range_rate_of(state) + rng.normal(0.0, 0.2, 12)
+        report = seen(radar, state, rng, missing=1.0).changed(range_rate=rate)
+        step = engine.step(scan(0.2 * index, report))
+        squares += nees(step.filtered[0], state) if index >= 70 else []
+        state[:, PLACE] += 0.2 * state[:, MOTION]
+    assert len(squares) > 300
+    # Their median is 0.45, and their quantile of 90 % 2.7, if the deviations are right.
+    assert np.median(squares) < 1.0
+    assert np.quantile(squares, 0.9) < 6.0
+
+
 def test_target_that_leaves_the_beam_above_is_soon_outside():
     config, rng = lone(SPACE), np.random.default_rng(5)
     (radar,) = config.model.radars

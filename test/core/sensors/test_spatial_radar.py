@@ -281,3 +281,24 @@ def test_scaled_noise_has_a_factor_for_each_component_and_for_range_rates():
     scaled = radar.with_scaled_noise(np.array([2.0, 3.0, 4.0, 5.0]))
     np.testing.assert_allclose(scaled.noise_std, radar.noise_std * [2.0, 3.0, 4.0])
     assert scaled.range_rate.std == pytest.approx(0.5)
+
+
+def test_range_rates_without_an_elevation_have_the_noise_of_climbs_at_the_usual_heights():
+    radar = replace(RADAR, range_rate=RangeRateModel(0.3, 0.0, climb_std=5.0))
+    measurement = np.array([[20e3, 0.0, 0.2], [20e3, 0.0, 0.0], [40e3, 1.0, 0.0], [10.0, 1.0, 0.0]])
+    noise_std = np.full(measurement.shape, np.nan)
+    noise_std[1:, 2] = UNKNOWN_STD
+    seen = Detections(measurement, None, noise_std=noise_std, range_rate=np.full(4, 9.0))
+    found = radar.motion_of(seen)
+    # Root mean square of undetected targets' heights; the beam ends at 50 degrees.
+    above = np.hypot(PRIOR.mean - 20.0, PRIOR.std)
+    rise = np.array([0.0, above / 20e3, above / 40e3, np.sin(HIGH)])
+    np.testing.assert_allclose(found.std, np.hypot(0.3, 5.0 * rise), rtol=1e-12)
+    np.testing.assert_array_equal(found.rate, seen.range_rate)
+    # The radar's own noise is learned from the others alone.
+    own = View.of(radar, seen).sensors_own_rate_std(found)
+    np.testing.assert_array_equal(own, [0.3, np.nan, np.nan, np.nan])
+    assert radar.motion_of(seen.changed(range_rate=None)) is None
+    # A reported height shows the elevation.
+    told = radar.motion_of(seen.changed(z=np.array([np.nan, 3000.0, np.nan, np.nan])))
+    np.testing.assert_array_equal(told.std, np.where(np.arange(4) == 1, 0.3, found.std))
