@@ -15,9 +15,9 @@ import numpy as np
 from phd_jdtc_ros.calibration.comparison import Comparison, Monitor
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
+from phd_jdtc_ros.calibration.tuning.area import area_of
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
-from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.columns.report_selection import Told
 from phd_jdtc_ros.columns.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig

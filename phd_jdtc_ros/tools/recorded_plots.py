@@ -19,6 +19,7 @@ from msg_adapters.incoming.readers import READERS
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
+from phd_jdtc_ros.calibration.tuning.area import area_of
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import (
     DENSE_CLOUDS,
@@ -28,7 +29,6 @@ from phd_jdtc_ros.calibration.tuning.plots import (
     plots_of,
 )
 from phd_jdtc_ros.calibration.tuning.proposal import Row
-from phd_jdtc_ros.calibration.tuning.rates import area_of
 from phd_jdtc_ros.calibration.tuning.remarks import remarks
 from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 from phd_jdtc_ros.columns import anomalies
@@ -63,7 +63,7 @@ class RecordedPlots:
     dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
     # Number of usable detections without copies, of which `plots` may be the first.
     offered: dict[str, int]
-    # Largest range of all of these, metres; or their area, see `rates.area_of`.
+    # Largest range of all of these, metres; or their area, see `area.area_of`.
     reach: dict[str, float | tuple[float, ...]]
     # Contradictions of the configuration, by radar.
     warnings: dict[str, list[str]] = field(default_factory=dict)

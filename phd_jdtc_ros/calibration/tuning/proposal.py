@@ -13,9 +13,9 @@ from phd_jdtc_ros.configuration.parameters.radar import RadarParameters
 from phd_jdtc_ros.configuration.schema import Value
 from phd_jdtc_ros.core.sensors.site import LEAST_STD
 
+from .area import covers
 from .findings import MOST_BESIDE, MOST_CROWDED, Findings, TuningError
 from .noise import Noise
-from .rates import MARGIN
 from .rounding import round_to_std, round_up
 
 # A configured maximum range is kept if no plot lies beyond it and it is below this many times the
@@ -131,7 +131,7 @@ def _of_places(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:
     yield Row("detection_probability", probability, source, now("detection_probability"), rate.std)
     area, given = found.field.area, now("area")
     source = f"{found.plots} plots"
-    yield Row("area", [*area], source, given, proposed=not _covers(given, area))
+    yield Row("area", [*area], source, given, proposed=not covers(given, area, MOST_BEYOND))
     clutter = found.clutter
     value, source = round_to_std(clutter.value, clutter.std), f"{clutter.count} untracked plots"
     yield Row("clutter_rate", value, source, now("clutter_rate"), clutter.std)
@@ -145,17 +145,6 @@ def _motion_noise(found: Findings, now: Now, name: str) -> Iterator[Row]:
         # The parameter has no smaller values than this one.
         shown = max(round_to_std(speed.value, speed.std), 1e-3)
         yield Row(name, shown, source, now(name), speed.std)
-
-
-def _covers(given: Any, area: Sequence[float]) -> bool:
-    """Return whether a configured rectangle contains the places and is not much larger."""
-    if not isinstance(given, (list, tuple)) or len(given) != len(area):
-        return False
-    own, found = np.reshape(given, (2, 2)), np.reshape(area, (2, 2))
-    # The area that was found is larger than that of the places.
-    inner = 0.5 * (found[0] + found[1]) + (found - 0.5 * (found[0] + found[1])) / MARGIN
-    contains = (own[0] <= inner[0]).all() and (own[1] >= inner[1]).all()
-    return bool(contains and np.ptp(own, axis=0).prod() <= MOST_BEYOND**2 * np.ptp(found, 0).prod())
 
 
 def _learned(found: Findings, noise: Noise, now: Now) -> Iterator[Row]:

@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
+from .area import area_of
 from .noise import least_std
 from .plots import Plots, Timing
 from .tracks import MOST_MISSES, Tracks, clutter_ranges
@@ -37,10 +38,6 @@ BESIDE_SIGMA, BESIDE_LOOKS = 3.0, 0.5
 # least number of such comparisons; the median of the square of a normal number; and the standard
 # deviations of a slope from which on a target moves.
 WINDOWS, LEAST_COMPARED, ONE, MOVES = (2, 4, 8, 16), 30, 0.4549, 5.0
-# The area of places is larger than theirs by this factor, and at least this half length, metres.
-MARGIN, LEAST_HALF = 1.1, 1.0
-# Places farther from the median than this many times the distance of MOST of them are errors.
-FAR, MOST = 30.0, 0.9
 
 
 @dataclass(frozen=True)
@@ -133,7 +130,7 @@ class Field:
     # First azimuth and counter-clockwise width of the coverage, radians; None if plots are all
     # around.
     arc: tuple[float, float] | None
-    # Least x and y, and largest x and y, of the area of places, metres; empty for ranges.
+    # The area of places, see `area.area_of`; empty for ranges.
     area: tuple[float, ...] = ()
 
 
@@ -401,22 +398,6 @@ def field_of(plots: Plots, claimed: IntArray) -> Field:
     return Field(
         float(distance.min()), float(distance.max()), clutter, (start, width) if partly else None
     )
-
-
-def area_of(place: FloatArray) -> tuple[float, ...]:
-    """Return least and largest coordinates of an area around places, (N, 2), from at least one.
-
-    Fill values and errors, far from all other places, are left out. The area is larger than that of
-    the others, for targets that come later.
-    """
-    away = np.abs(place - np.median(place, axis=0)).max(axis=1)
-    near = max(FAR * float(np.quantile(away, MOST, method="lower")), LEAST_HALF)
-    low, high = (bound(place[away <= near], axis=0) for bound in (np.min, np.max))
-    middle, half = 0.5 * (low + high), np.maximum(MARGIN * 0.5 * (high - low), LEAST_HALF)
-    # Values of two digits are read more easily in a parameter file.
-    step = 10.0 ** (math.floor(math.log10(half.max())) - 1)
-    middle, half = step * np.rint(middle / step), step * np.ceil(half / step)
-    return tuple(float(f"{edge:.10g}") for edge in (*(middle - half), *(middle + half)))
 
 
 # Differences agree within this share of a plot's standard deviation.

@@ -83,7 +83,7 @@ def remarks(found: Findings, values: Mapping[str, Any], radar: str) -> Iterator[
 def _units(found: Findings) -> Iterator[str]:
     """Yield a sentence if speeds show that lengths, times or velocities are in other units."""
     what, own = ("x and y", "velocities") if found.of_places else ("ranges", "range rates")
-    corners = np.reshape(found.field.area or (0.0, found.field.max_range), (2, -1))
+    corners = np.reshape(found.field.area or (0.0, 0.0, *2 * (found.field.max_range,)), (-1, 2))
     extent, speed = float(np.ptp(corners, axis=0).max()), math.sqrt(2.0) * found.speed_std
     ratio = math.nan if found.velocity is None else found.velocity.ratio
     # By less, slopes of positions may be wrong because targets turn.

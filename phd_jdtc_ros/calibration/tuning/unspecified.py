@@ -22,6 +22,7 @@ def unspecified(found: Mapping[str, Findings]) -> dict[str, Any]:
     """Return the tracker's parameters outside the sections of at least one radar."""
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s
+    longest_s = max(each.timing.look_s for each in found.values())
     turning = [each.timing.rotation_s for each in found.values() if each.timing.rotation_s]
     noise = first.likelier_noise
     floor = 3.0 * (LEAST_OFF_COURSE * noise.range_std) ** 2 / (LAG_LOOKS * look_s) ** 3
@@ -30,7 +31,8 @@ def unspecified(found: Mapping[str, Findings]) -> dict[str, Any]:
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": round_to_std(look_s, 1e-3 * look_s),
-        "lag_s": round_to_std(LAG_LOOKS * look_s, 0.1 * look_s),
+        # What only the slowest sensor sees is smoothed too.
+        "lag_s": round_to_std(LAG_LOOKS * longest_s, 0.1 * longest_s),
         "classes": ["target"],
         "births": [],
         # In a look of a fast sensor hardly any target is new: a false detection is no target there.

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.gaussians import STANDARD_AIR, Air, HeightPrior
 from phd_jdtc_ros.core.sensors.position import Area
@@ -104,12 +102,6 @@ def is_region(region: Sequence[float]) -> bool:
     )
 
 
-def _area(given: Sequence[float]) -> Area:
-    if len(given) == 4:
-        return Area.rectangle(given[0], given[1], given[2], given[3])
-    return Area(np.reshape(given, (-1, 2)))
-
-
 # Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
 MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
 POSITION = _list_form(
@@ -169,9 +161,9 @@ AREA = _list_form(
         len(given) >= 4
         and len(given) % 2 == 0
         and max(map(abs, given)) <= 1e7
-        and (is_region(given) if len(given) == 4 else abs(_area(given).signed_size) > 0.0)
+        and (is_region(given) if len(given) == 4 else Area.of(given).size > 0.0)
     ),
-    _area,
+    Area.of,
 )
 BIASES = _list_form(
     "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -32,11 +33,23 @@ class Area(ReadOnly):
         across = [[first_x, first_y], [last_x, first_y], [last_x, last_y], [first_x, last_y]]
         return Area(np.array(across))
 
+    @staticmethod
+    def of(given: Sequence[float]) -> Area:
+        """Return the rectangle of least and largest x and y, or the polygon of more corners."""
+        if len(given) == 4:
+            return Area.rectangle(given[0], given[1], given[2], given[3])
+        return Area(np.reshape(given, (-1, 2)))
+
     @cached_property
     def signed_size(self) -> float:
         """Size, square metres; negative if the corners are in clockwise order."""
         (x, y), (next_x, next_y) = self.corners.T, np.roll(self.corners, -1, axis=0).T
         return 0.5 * float((x * next_y - next_x * y).sum())
+
+    @property
+    def size(self) -> float:
+        """Size, square metres."""
+        return abs(self.signed_size)
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -143,12 +156,12 @@ class WatchedArea(FieldOfView):
     @property
     def size(self) -> float:
         """Size of the area, square metres."""
-        return abs(self.area.signed_size)
+        return self.area.size
 
     @property
     def clutter_share(self) -> float:
         """Expected false detections of the report as a share of those in the area."""
-        return 1.0 if self.seen is None else abs(self.seen.signed_size) / self.size
+        return 1.0 if self.seen is None else self.seen.size / self.size
 
     def probability_in_view(
         self, measured: FloatArray, std: FloatArray | None = None

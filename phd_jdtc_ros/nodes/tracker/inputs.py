@@ -414,9 +414,9 @@ def _changes(
     """Return the parameters that clouds show; None if they are too few and not the `last`."""
     # Few trackers recognise a sensor, and all start the sooner without.
     from phd_jdtc_ros.calibration.tuning import proposal
+    from phd_jdtc_ros.calibration.tuning.area import area_of
     from phd_jdtc_ros.calibration.tuning.findings import findings
     from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
-    from phd_jdtc_ros.calibration.tuning.rates import area_of
     from phd_jdtc_ros.calibration.tuning.unspecified import unspecified
 
     name, reports, frame = own.name, [], clouds[0].header.frame_id

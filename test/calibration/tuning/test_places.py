@@ -7,9 +7,10 @@ from numpy.testing import assert_allclose
 
 from phd_jdtc_ros.calibration import kinematics
 from phd_jdtc_ros.calibration.tuning import proposal
+from phd_jdtc_ros.calibration.tuning.area import area_of, covers
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
-from phd_jdtc_ros.calibration.tuning.rates import area_of
+from phd_jdtc_ros.core.sensors.position import Area
 from phd_jdtc_ros.core.types import Detections, Pose
 
 SPEED_STD, SCANS = 0.8, 200
@@ -82,6 +83,47 @@ def test_area_leaves_out_what_is_far_from_all_others():
     x_min, y_min, x_max, y_max = area_of(place)
     assert (x_min < place[:, 0].min(), x_max > place[:, 0].max()) == (True, True)
     assert (y_max - y_min) < 1.3 * np.ptp(place[:, 1])
+
+
+def circle(distance, bearing):
+    return np.column_stack([distance * np.cos(bearing), distance * np.sin(bearing)])
+
+
+@pytest.mark.parametrize("half_deg", [180.0, 40.0])
+def test_area_of_a_circle_or_a_sector_has_hardly_a_place_that_is_not_seen(half_deg):
+    rng, half = np.random.default_rng(8), np.radians(half_deg)
+    place = circle(60.0 * np.sqrt(rng.random(4000)), 1.0 + rng.uniform(-half, half, 4000))
+    found = area_of(place)
+    assert 6 < len(found) <= 32
+    polygon = Area.of(found)
+    assert polygon.probability(place).all()
+    assert polygon.size == pytest.approx(half * 60.0**2, rel=0.03)
+    # A rectangle has half as much again, or more.
+    around = circle(62.5, np.linspace(-np.pi, np.pi, 100))
+    assert not polygon.probability(around).any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_area_of_few_places_or_of_a_rectangle_is_a_rectangle(seed):
+    rng = np.random.default_rng([seed, 9])
+    few = circle(60.0 * np.sqrt(rng.random(40)), rng.uniform(-np.pi, np.pi, 40))
+    still = rng.uniform(-20.0, 20.0, (3, 1, 2)) + 0.1 * rng.standard_normal((3, 200, 2))
+    street = np.linspace(0.0, 100.0, 500)[:, None] + rng.uniform(-1.0, 1.0, (500, 2))
+    for place in (few, still.reshape(-1, 2), street):
+        assert len(area_of(place)) == 4
+    x_min, y_min, x_max, y_max = area_of(rng.uniform(-60.0, 60.0, (4000, 2)))
+    assert_allclose([-x_min, -y_min, x_max, y_max], 60.0, atol=1.0)
+
+
+def test_a_configured_polygon_is_kept_like_a_rectangle():
+    rng = np.random.default_rng(10)
+    place = circle(60.0 * np.sqrt(rng.random(4000)), rng.uniform(-np.pi, np.pi, 4000))
+    found = area_of(place)
+    octagon = circle(70.0, np.linspace(-np.pi, np.pi, 9)[:-1])
+    for given, is_kept in ((octagon, True), (0.5 * octagon, False), (3.0 * octagon, False)):
+        assert covers(given.ravel().tolist(), found, 1.5) == is_kept
+    assert covers([-65.0, -65.0, 65.0, 65.0], found, 1.5)
+    assert not covers(None, found, 1.5)
 
 
 def test_recording_without_targets_names_the_extent_of_its_places():

@@ -32,8 +32,8 @@ def test_people_and_cars_of_a_table_are_found_and_nobody_is_hidden(seed):
     assert found["radar.detection_probability"] == pytest.approx(street.DETECTED, abs=0.02)
     assert found["radar.clutter_rate"] == pytest.approx(street.FALSE, rel=0.2)
     x_min, y_min, x_max, y_max = found["radar.area"]
-    np.testing.assert_allclose([x_max, y_max], 1.1 * street.EXTENT, rtol=0.05)
-    np.testing.assert_allclose([x_min, y_min], -1.1 * street.EXTENT, rtol=0.05)
+    np.testing.assert_allclose([x_max, y_max], street.EXTENT, rtol=0.05)
+    np.testing.assert_allclose([x_min, y_min], -street.EXTENT, rtol=0.05)
     tracks = tracker.track(table)
     for found_tracks in tracks:
         scores, share = scores_of(found_tracks, seed)
