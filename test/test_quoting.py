@@ -2,7 +2,7 @@ import pytest
 from reference import resolve
 
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counts_text, printable, short
+from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, counted, counts_text, printable, short
 
 
 def test_counts_text_lists_reasons_in_order_without_zeros():
@@ -41,3 +41,11 @@ def test_faults_of_a_configuration_quote_a_part_of_long_values(given):
         resolve(given)
     assert max(map(len, caught.value.faults)) < 600
     assert max(map(len, str(caught.value).splitlines())) < 600
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [(0, "0 clouds that are late"), (1, "1 cloud that is late"), (2, "2 clouds that are late")],
+)
+def test_what_is_counted_agrees_with_its_number(count, said):
+    assert counted(count, "cloud[s] that [is|are] late") == said

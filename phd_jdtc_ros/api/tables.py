@@ -83,6 +83,10 @@ def columns_of(table: Table) -> Columns:
     dtype = getattr(table, "dtype", None)
     names = dtype.names if isinstance(dtype, np.dtype) else _names(table)
     if names is None:
+        if parts := getattr(table, "_fields", ()):  # As of `Tracks`, which are two tables
+            raise ValueError(
+                f"{type(table).__name__} given, must be one of its tables: {' or '.join(parts)}"
+            )
         raise ValueError(
             f"{type(table).__name__} given, must have named columns: a mapping of name to column, "
             "a data frame, a structured array or the path of a CSV file; an array of rows is "

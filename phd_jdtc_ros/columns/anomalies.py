@@ -14,6 +14,7 @@ from phd_jdtc_ros.configuration.parameters.sensor import SensorParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Reset
+from phd_jdtc_ros.quoting import agreeing, counted
 
 from .selection import NO_ANGLE, PADDING
 
@@ -53,7 +54,7 @@ def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
         if what in _TEXTS:
             text = _TEXTS[what]
             if isinstance(text, str):
-                yield text.format(name=sensor.name, count=count)
+                yield agreeing(count, text).format(name=sensor.name, count=count)
             else:
                 yield text(sensor, count)
         elif what in _MISSING:
@@ -241,13 +242,14 @@ def _words(component: str) -> str:
 
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     if radar.units.in_degrees:
-        return f"{count} azimuths beyond 360 degrees; are they degrees, and not gradians?"
+        azimuths = counted(count, "azimuth[s]")
+        return f"{azimuths} beyond 360 degrees; are they degrees, and not gradians?"
     cause = (
         f"degrees, set {radar.name}.units.azimuth to deg"
         if radar.named_fields
         else f"the driver sends degrees, but {radar.message} is defined in radians"
     )
-    return f"{count} azimuths beyond 2 pi rad; probably {cause}"
+    return f"{counted(count, 'azimuth[s]')} beyond 2 pi rad; probably {cause}"
 
 
 def _missing(sensor: SensorParameters, field: str, treatment: str) -> str:
@@ -258,10 +260,10 @@ def _deviations_of(sensor: SensorParameters) -> str:
     """Return the words for what is unusable of a sensor's noise, and what replaces it."""
     *others, last = dict.fromkeys(name for name, _ in sensor.noise_parameters.values())
     instead = f"{', '.join(others)} and {last}" if others else last
-    singular = "" if others else ", or covariances that are not positive definite"
+    singular = "" if others else ", or covariance[s] that [is|are] not positive definite"
     return (
-        f"standard deviations that are zero, negative or absurd{singular}; {sensor.name}.{instead} "
-        f"replace{'' if others else 's'} them"
+        f"standard deviation[s] that [is|are] zero, negative or absurd{singular}; "
+        f"{sensor.name}.{instead} replace{'' if others else 's'} [it|them]"
     )
 
 
@@ -296,11 +298,11 @@ _MISSING = {
 # the parameters of a sensor of the kind that has the anomaly, and of the number.
 _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
-    "azimuths_no_angles": f"{{count}} azimuths beyond {NO_ANGLE:g}, neither radians nor degrees; "
+    "azimuths_no_angles": f"{{count}} azimuth[s] beyond {NO_ANGLE:g}, neither radians nor degrees; "
     "convert mils or the counts of an encoder, and let NaN stand for what is unknown",
-    "ranges_negative": "{count} negative ranges, which are not used",
-    "fields_swapped": "{count} detections with azimuths that are no angles or negative ranges, and "
-    "all ranges could be angles; are {name}.fields.range and fields.azimuth swapped?",
+    "ranges_negative": "{count} negative range[s], which [is|are] not used",
+    "fields_swapped": "{count} detection[s] with azimuths that are no angles or negative ranges, "
+    "and all ranges could be angles; are {name}.fields.range and fields.azimuth swapped?",
     "azimuths_in_radians": "all azimuths are within 6.3 degrees; probably radians, set "
     "{name}.units.azimuth to rad",
     "azimuths_in_turns": lambda radar, _: (
@@ -313,73 +315,77 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
         f"all ranges are far below {radar.name}.max_range, {radar.max_range:g} m; ranges must be "
         "in metres"
     ),
-    "detections_repeated": "{count} detections that repeat another one of their report in every "
-    "field; each is used once. Does the driver send its buffer twice?",
-    "detections_twinned": "{count} detections with another one of their scan within their noise, "
-    "so that targets have two tracks; is every plot recorded twice? {name}.cluster_distance merges "
-    "them",
-    "reports_repeated": "{count} clouds that repeat all detections of the cloud before under "
-    "another stamp; they are not used. Does the driver send its buffer twice?",
-    "reports_nearly_repeated": "{count} clouds that repeat the detections of the cloud before "
-    "under another stamp, a little apart; targets may have several tracks. Is every cloud recorded "
-    "twice?",
-    "positions_constant": "{count} clouds with a place whose x and y are one number, as in the "
+    "detections_repeated": "{count} detection[s] that [repeats|repeat] another one of [its|their] "
+    "report in every field; each is used once. Does the driver send its buffer twice?",
+    "detections_twinned": "{count} detection[s] with another one of [its|their] scan within "
+    "[its|their] noise, so that targets have two tracks; is every plot recorded twice? "
+    "{name}.cluster_distance merges them",
+    "reports_repeated": "{count} cloud[s] that [repeats|repeat] all detections of the cloud before "
+    "under another stamp; [it is|they are] not used. Does the driver send its buffer twice?",
+    "reports_nearly_repeated": "{count} cloud[s] that [repeats|repeat] the detections of the cloud "
+    "before under another stamp, a little apart; targets may have several tracks. Is every cloud "
+    "recorded twice?",
+    "positions_constant": "{count} cloud[s] with a place whose x and y are one number, as in the "
     "cloud before; if it means an unknown place, let it be NaN",
     "heights_unknown": lambda radar, count: (
-        f"{count} detections without a height; {_without_height(radar)}"
+        f"{counted(count, 'detection[s]')} without a height; {_without_height(radar)}"
     ),
-    "heights_unusable": "{count} heights that are infinite or absurd; their detections are used "
-    "without them",
-    "deviations_unusable": lambda sensor, count: f"{count} {_deviations_of(sensor)}",
-    "velocities_unusable": "{count} velocities that are infinite or absurd; their detections are "
-    "used without them",
-    "areas_unusable": "{count} clouds whose area_x_min, area_y_min, area_x_max and area_y_max are "
-    "no area that is the same in all points; {name}.area replaces it",
-    "positions_far": "{count} positions 1000 km or more from the sensor, where single precision "
+    "heights_unusable": "{count} height[s] that [is|are] infinite or absurd; [its detection is|"
+    "their detections are] used without [it|them]",
+    "deviations_unusable": lambda sensor, count: counted(count, _deviations_of(sensor)),
+    "velocities_unusable": "{count} velocit[y|ies] that [is|are] infinite or absurd; [its "
+    "detection is|their detections are] used without [it|them]",
+    "areas_unusable": "{count} cloud[s] whose area_x_min, area_y_min, area_x_max and area_y_max "
+    "are no area that is the same in all points; {name}.area replaces it",
+    "positions_far": "{count} position[s] 1000 km or more from the sensor, where single precision "
     "rounds to 0.06 m or more; let the driver subtract a place nearby, and set position to it",
-    "elevations_unusable": "{count} elevations beyond the zenith, which are not used; if they are "
-    "in degrees or milliradians, set {name}.units.elevation to deg or mrad",
-    "elevations_opposite": "{count} elevations outside {name}.fov_elevation_deg or below the floor "
-    "of height_prior, whose opposites are not; if they are depression angles, set "
+    "elevations_unusable": "{count} elevation[s] beyond the zenith, which [is|are] not used; if "
+    "they are in degrees or milliradians, set {name}.units.elevation to deg or mrad",
+    "elevations_opposite": "{count} elevation[s] outside {name}.fov_elevation_deg or below the "
+    "floor of height_prior, whose opposite[ is|s are] not; if they are depression angles, set "
     "{name}.units.elevation to down_rad or down_deg",
-    "elevations_unknown": "{count} detections without an elevation (NaN, or 0 in a whole cloud), "
-    "whose heights are unknown; if {name} measures none, {name}.fields.elevation has to be empty",
-    "range_rates_unusable": "{count} range rates that are infinite or absurd; their detections are "
-    "used without them",
+    "elevations_unknown": "{count} detection[s] without an elevation (NaN, or 0 in a whole cloud), "
+    "whose height[ is|s are] unknown; if {name} measures none, {name}.fields.elevation has to be "
+    "empty",
+    "range_rates_unusable": "{count} range rate[s] that [is|are] infinite or absurd; [its "
+    "detection is|their detections are] used without [it|them]",
     "range_rates_beyond_ambiguity": lambda radar, count: (
-        f"{count} range rates beyond {radar.name}.range_rate_ambiguity, "
-        f"{radar.range_rate_ambiguity:g} m/s, which are used modulo this value; is it right?"
+        f"{counted(count, 'range rate[s]')} beyond {radar.name}.range_rate_ambiguity, "
+        f"{radar.range_rate_ambiguity:g} m/s, which {agreeing(count, '[is|are]')} used modulo this "
+        "value; is it right?"
     ),
     "sectors_unusable": lambda radar, count: (
-        f"{count} clouds whose sector is not one whole number from 0 to "
-        f"{max(radar.sectors - 1, 0)}; the sector is derived from their detections"
+        f"{counted(count, 'cloud[s]')} whose sector is not one whole number from 0 to "
+        f"{max(radar.sectors - 1, 0)}; the sector is derived from the detections"
     ),
-    "identities_unusable": "{count} codes or addresses that are not whole numbers of 12 or 24 "
-    "bits; their detections are used without them",
+    "identities_unusable": "{count} code[s] or address[es] that [is no whole number|are not whole "
+    "numbers] of 12 or 24 bits; [its detection is|their detections are] used without [it|them]",
     "height_missing": lambda radar, _: _missing(radar, "height", _without_height(radar)),
-    "clouds_missing": "{count} clouds are missing by the stamps: they were lost, or the driver "
-    "sends no empty clouds; no target there counts as missed",
-    "sectors_repeated": "{count} clouds of azimuths that the antenna cannot have passed again yet; "
-    "are {name}.rotation_s and sectors right?",
+    "clouds_missing": "{count} cloud[ is|s are] missing by the stamps: [it was|they were] lost, or "
+    "the driver sends no empty clouds; no target there counts as missed",
+    "sectors_repeated": "{count} cloud[s] of azimuths that the antenna cannot have passed again "
+    "yet; are {name}.rotation_s and sectors right?",
     "sector_numbers_wrong": lambda radar, count: (
-        f"{count} clouds whose detections lie outside the cloud's sector; sectors are numbered "
-        f"from 0 at azimuth zero, {max(radar.sectors, 1)} per revolution"
+        f"{counted(count, 'cloud[s]')} whose detections lie outside the cloud's sector; sectors "
+        f"are numbered from 0 at azimuth zero, {max(radar.sectors, 1)} per revolution"
     ),
     "antenna_unclear": lambda radar, count: (
-        f"{count} clouds whose azimuths and times do not fit one turning antenna; are "
-        f"{radar.name}.rotation_s and {'fields.time' if radar.fields.time else 'sectors'} right?"
+        f"{counted(count, 'cloud[s]')} whose azimuths and times do not fit one turning antenna; "
+        f"are {radar.name}.rotation_s and {'fields.time' if radar.fields.time else 'sectors'} "
+        "right?"
     ),
-    "times_disagree": "{count} detections whose times do not match their azimuths; they are used "
-    "unchanged, but not to estimate the antenna's motion",
-    "detections_late": "{count} detections arrived after the report of their part of the "
-    "revolution; they are used, but their targets counted as missed before",
-    "slices_late": "{count} parts of revolutions arrived after their scans were closed; set "
-    "reorder_s to the longest delay of the reports",
-    "late_reworked": "{count} clouds, or parts of revolutions, arrived after their scans were "
-    "closed and were reprocessed; if there are many, delay scans with reorder_s",
+    "times_disagree": "{count} detection[s] whose time[ does|s do] not match [its azimuth|their "
+    "azimuths]; [it is|they are] used unchanged, but not to estimate the antenna's motion",
+    "detections_late": "{count} detection[s] arrived after the report of [its|their] part of the "
+    "revolution; [it is|they are] used, but [its target|their targets] counted as missed before",
+    "slices_late": "{count} part[s] of revolutions arrived after [its scan was|their scans were] "
+    "closed; set reorder_s to the longest delay of the reports",
+    "late_reworked": "{count} cloud[s], or part[s] of revolutions, arrived after [its scan "
+    "was|their scans were] closed and [was|were] reprocessed; if there are many, delay scans with "
+    "reorder_s",
     "poses_extrapolated": lambda radar, count: (
-        f"{count} clouds, or parts of revolutions, are later than the poses on "
-        f"{radar.pose.topic}; the platform's pose is extrapolated with its last velocity"
+        f"{counted(count, 'cloud[s], or part[s] of revolutions, [is|are]')} later than the poses "
+        f"on {radar.pose.topic}; the platform's pose is extrapolated with its last velocity"
     ),
     "sectors_not_configured": "each cloud covers a part of the revolution, and together they cover "
     "all of it; set {name}.rotation_s and {name}.sectors, or targets that the antenna has not "

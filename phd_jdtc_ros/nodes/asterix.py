@@ -28,7 +28,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.modes import ModeSpace
 from phd_jdtc_ros.parameter_files.from_arguments import config_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
-from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.quoting import counted, counts_text
 from phd_jdtc_ros.transport import sockets
 from phd_jdtc_ros.transport.network import Datagram
 from phd_jdtc_ros.transport.sockets import Input
@@ -57,9 +57,9 @@ def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -
     condition = first(
         at.inactive,
         (WARN, inputs and quiet_s > SILENT_S, quiet),
-        (WARN, losing, f"{lost} datagrams lost: they come too fast"),
+        (WARN, losing, f"{counted(lost, 'datagram[s]')} lost: they come too fast"),
         (WARN, malformed, f"malformed: {counts_text(faults)}"),
-        (OK, True, f"{stream.datagrams} datagrams"),
+        (OK, True, counted(stream.datagrams, "datagram[s]")),
     )
     trailers = sum(stream.blocks.known_trailers().values())
     values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
@@ -98,16 +98,16 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
             "two places: several radars have this SAC/SIC, or it moves; the first is used",
         ),
         (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
-        (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
-        (OK, True, f"{_taken(state)} in {state.reports} clouds"),
+        (WARN, arriving_late, f"{counted(late, 'plot[s] came after [its|their]')} cloud was sent"),
+        (OK, True, f"{_taken(state)} in {counted(state.reports, 'cloud[s]')}"),
     )
     return status_of(at.node, name, condition, values, f"{number >> 8}/{number & 255}")
 
 
 def _taken(state: RadarState) -> str:
     """Return in words what has been taken of a source."""
-    positions = f"{state.positions} positions" if state.positions else ""
-    plots = f"{state.plots} plots" if state.plots or not positions else ""
+    positions = counted(state.positions, "position[s]") if state.positions else ""
+    plots = counted(state.plots, "plot[s]") if state.plots or not positions else ""
     return " and ".join(filter(None, (plots, positions)))
 
 
@@ -128,7 +128,7 @@ def of_output(
         at.inactive,
         (WARN, dropping, counts_text(counts)),
         (WARN, quiet_s > SILENT_S, quiet),
-        (OK, True, f"{sent['tracks']} tracks sent to {output}"),
+        (OK, True, f"{counted(sent['tracks'], 'track[s]')} sent to {output}"),
     )
     return status_of(at.node, "output", condition, {**sent, **counts})
 
@@ -180,11 +180,12 @@ class AsterixBridge(ReceivingNode):
         """Stop receiving, and log a summary; fail if nothing was received."""
         super().close()
         radars = [
-            f"{state.settings.name} {_taken(state)} in {state.reports} clouds"
+            f"{state.settings.name} {_taken(state)} in {counted(state.reports, 'cloud[s]')}"
             for state in self._stream.radars.values()
         ]
         self.get_logger().info(
-            f"stopped; {', '.join(radars) or 'no radars'}; {self._sent['tracks']} tracks sent"
+            f"stopped; {', '.join(radars) or 'no radars'}; "
+            f"{counted(self._sent['tracks'], 'track[s]')} sent"
         )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:

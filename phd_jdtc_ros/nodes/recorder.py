@@ -25,6 +25,7 @@ from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.comparison import LONGEST_INTERPOLATION_S
 from phd_jdtc_ros.evaluation.run_scores import Evaluation
 from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.quoting import counted
 
 from .common import topics as endpoints
 from .common.runtime import steady_timer
@@ -223,14 +224,15 @@ class ReceivedClouds:
         for source, scored in evaluation.scored.items():
             missing = 0 if evaluation.own_stamps else evaluation.truth_scans - scored
             if missing:
-                yield f"{missing} of {evaluation.truth_scans} scans have no {source} estimates"
+                scans = counted(evaluation.truth_scans, "scan[ has|s have]")
+                yield f"{missing} of {scans} no {source} estimates"
         for topic, numbers in sorted(self._numbers.items()):
             if numbers.lost:
-                yield f"{numbers.lost} messages on {topic} were lost on the way"
+                yield f"{counted(numbers.lost, 'message[s]')} on {topic} lost on the way"
         for topic, count in sorted(self.refused.items()):
-            yield f"{count} clouds on {topic} were rejected"
+            yield f"{counted(count, 'cloud[s]')} on {topic} rejected"
         if evaluation.repeated:
-            yield f"{evaluation.repeated} clouds repeated a stamp"
+            yield f"{counted(evaluation.repeated, 'cloud[s]')} repeated a stamp"
 
     def _count(self, source: str) -> int:
         return self.received[self.estimates[source]]

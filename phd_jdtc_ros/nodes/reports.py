@@ -14,7 +14,7 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from msg_adapters.encoding import names
 from phd_jdtc_ros import report_bridge as settings
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
-from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.quoting import counted, counts_text
 from phd_jdtc_ros.transponders import stream
 from phd_jdtc_ros.transponders.messages import ADSB, AIS
 from phd_jdtc_ros.transponders.stream import Batch
@@ -123,7 +123,7 @@ class ReportBridge(ReceivingNode):
             (WARN, at.recent("lost", self.lost), f"{self.lost} pieces lost: they come too fast"),
             (WARN, off, f"{off} times far from their receipt, which was used instead"),
             (WARN, rising, f"left out: {counts_text(faults)}"),
-            (OK, True, f"{self._stream.formats.total()} messages"),
+            (OK, True, counted(self._stream.formats.total(), "message[s]")),
         )
         values = {"pieces": self.pieces, "lost": self.lost, **self._stream.formats, **+counts}
         return status_of(at.node, "input", condition, values)
@@ -134,7 +134,7 @@ class ReportBridge(ReceivingNode):
         condition = first(
             at.inactive,
             (WARN, quiet_s > self.SILENT_S, f"silent for {quiet_s:.0f} s"),
-            (OK, True, f"{used} reports"),
+            (OK, True, counted(used, "report[s]")),
         )
         known = len(self._stream.transmitters.known)
         return status_of(at.node, network, condition, {"reports": used, "transmitters": known})

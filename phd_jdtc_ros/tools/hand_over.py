@@ -25,6 +25,7 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.handover import picture, settings
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
+from phd_jdtc_ros.quoting import counted
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.record import Record
 
@@ -145,7 +146,7 @@ def main(argv: Sequence[str]) -> int:
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}
         print(
             f"{arguments.out}: {len(found[FILTERED])} filtered and {len(found[SMOOTHED])} "
-            f"smoothed stamps of {len(runs)} trackers, {len(tracks)} tracks"
+            f"smoothed stamps of {len(runs)} trackers, {counted(len(tracks), 'track[s]')}"
         )
         return OK
 

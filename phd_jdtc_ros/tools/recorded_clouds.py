@@ -21,7 +21,7 @@ from phd_jdtc_ros import output_files
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
-from phd_jdtc_ros.quoting import short
+from phd_jdtc_ros.quoting import counted, short
 from phd_jdtc_ros.transport import network, pcap
 from phd_jdtc_ros.transport.network import Datagram, RecordingError
 
@@ -132,10 +132,11 @@ def damage(counts: Counter[str]) -> Iterator[str]:
     """Yield a line for each way in which a recording is damaged; see `network.follow`."""
     damaged = counts["resynchronised"] + counts["recording_cut"]
     if damaged:
-        places = f"{damaged} place{'s' * (damaged > 1)}"
+        places = counted(damaged, "place[s]")
         yield f"is damaged in {places}: {counts['bytes_skipped']} bytes are left out"
     if cut := counts["packet_cut"]:
-        yield f"has {cut} packets that were not captured whole, and are left out: tcpdump -s 0"
+        packets = counted(cut, "packet[s] that [was|were] not captured whole, and [is|are]")
+        yield f"has {packets} left out: tcpdump -s 0"
     if counts["unpacking_ended"]:
         yield "cannot be unpacked to its end: what is behind the damage is missing"
 

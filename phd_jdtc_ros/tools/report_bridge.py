@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from phd_jdtc_ros.bags.writer import BagWriter
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments
-from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.quoting import counted, counts_text
 from phd_jdtc_ros.transponders.messages import ICAO, MMSI, NONE, NOT_SAID
 from phd_jdtc_ros.transponders.stream import Batch, ReportStream
 from phd_jdtc_ros.transponders.transmitters import Dated
@@ -57,9 +58,10 @@ class Conversion:
     def lines(self) -> Iterator[str]:
         """Yield what was read, and what was left out or dated otherwise, by reason."""
         for network, count in sorted(self.stream.used.items()):
-            yield f"{network}: {count} reports on {names.reports(network)}"
+            yield f"{network}: {counted(count, 'report[s]')} on {names.reports(network)}"
         known = self.stream.transmitters.known
-        yield f"{len(known)} transmitters; messages: {counts_text(self.stream.formats) or 'none'}"
+        formats = counts_text(self.stream.formats) or "none"
+        yield f"{counted(len(known), 'transmitter[s]')}; messages: {formats}"
         yield f"left out or noted: {counts_text(self.recording + self.stream.counts) or 'nothing'}"
         if self.ports.silent and not self.ports.reads_nothing:
             yield self.ports.silence
@@ -99,14 +101,18 @@ def _work(arguments: argparse.Namespace) -> int:
     done = Conversion(stream, Ports(frozenset(arguments.port)))
     try:
         with recorded_clouds.opened(path, done.recording) as data:
-            sink = _table if arguments.out is None else _bag
-            with sink(out) as write:
-                for network, batch in _batches(data, done):
-                    done.clouds += 1
-                    write(network, batch)
+            batches = _batches(data, done)
+            # A recording without reports leaves nothing behind.
+            if (first := next(batches, None)) is not None:
+                sink = _table if arguments.out is None else _bag
+                with sink(out) as write:
+                    for network, batch in chain([first], batches):
+                        done.clouds += 1
+                        write(network, batch)
     except ModuleNotFoundError as error:
         raise ConfigError(f"{path}: {settings.missing(error)}") from error
-    print(f"{out}: {done.clouds} clouds, {done.reports} reports")
+    written = f"{counted(done.clouds, 'cloud[s]')}, {counted(done.reports, 'report[s]')}"
+    print(f"{out}: {written}" if done.clouds else f"{out}: not written, no reports")
     return recorded_clouds.ended(NAME, path, done.lines(), list(done.faults()))
 
 

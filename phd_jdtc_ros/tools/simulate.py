@@ -24,6 +24,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.quoting import counted
 from phd_jdtc_ros.report_bridge import cloud, missing
 from phd_jdtc_ros.simulation import antenna, scenario_file, self_reports
 from phd_jdtc_ros.simulation.scenario import Scenario
@@ -205,7 +206,7 @@ def _write_reports(path: Path, told: Mapping[str, list[Received]]) -> None:
             stream.writelines(line for _, line in lines(every))
     except ModuleNotFoundError as error:
         raise ConfigError(f"{path}: {missing(error)}") from error
-    print(f"{path}: {len(every)} reports")
+    print(f"{path}: {counted(len(every), 'report[s]')}")
 
 
 def main(argv: Sequence[str]) -> int:

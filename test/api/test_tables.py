@@ -11,6 +11,7 @@ from phd_jdtc_ros import evaluate, simulate
 from phd_jdtc_ros.api.parameters import Parameters
 from phd_jdtc_ros.api.reports import reports_of
 from phd_jdtc_ros.api.tables import columns_of, numbers, rows_of, stamps_ns
+from phd_jdtc_ros.api.tracker import Tracks
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import from_arguments
@@ -64,6 +65,10 @@ def test_columns_of_reads_csv_with_spaces_empty_cells_and_no_rows(tmp_path):
     [
         (np.zeros((3, 2)), "ndarray given, must have named columns"),
         ([1, 2], "list given, must have named columns"),
+        (
+            Tracks(np.zeros(0), np.zeros(0)),
+            "Tracks given, must be one of its tables: filtered or smoothed",
+        ),
         ({"time": [1.0], "range": [1.0, 2.0]}, "equal lengths"),
     ],
 )

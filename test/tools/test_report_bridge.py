@@ -226,3 +226,12 @@ def test_the_page_of_the_bridge_lists_every_count():
         used |= set(re.findall(r'return "(\w+)"$', text, re.MULTILINE))
     assert len(used) > 15
     assert {name for name in used if f"`{name}`" not in page} == set()
+
+
+@pytest.mark.parametrize("out", ["--out", "--csv"])
+def test_a_file_without_reports_leaves_nothing_and_says_why(bridge, out):
+    status, made_there, said = bridge(b"no reports at all\r\n" * 5, out=out)
+    assert status == 3
+    assert "could be used as reports" in said.err
+    assert f"{made_there}: not written" in said.out
+    assert not made_there.exists()

@@ -38,6 +38,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.clocks import CLOCK
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING, Drops
+from phd_jdtc_ros.quoting import counted
 
 from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
@@ -184,7 +185,7 @@ class Inputs:
         health, now_s = self.radars[radar], time.monotonic()
         health.detections += len(report.detections) + report.dropped.total()
         for reason, count in report.dropped.items():
-            text = f"{count} points dropped: {reason}"
+            text = f"{counted(count, 'point[s]')} dropped: {reason}"
             if health.note_dropped(reason, count, text, now_s):
                 self._warnings.warn((health.name, reason), f"{health.name}: {text}")
         config = self._settings.config
@@ -203,7 +204,7 @@ class Inputs:
         """Count the reports that were dropped while they waited."""
         words = {POSE_MISSING: why, CLOCK: anomalies.clock_off(drops.clock_offset_s)}
         for reason, count in drops.reports.items():
-            text = f"{count} scans rejected: {words.get(reason, f'{reason} stamp')}"
+            text = f"{counted(count, 'scan[s]')} rejected: {words.get(reason, f'{reason} stamp')}"
             self._drop(self.radars[radar], reason, text, count)
 
     def on_anomalies(self, radar: int, counts: Counter[str]) -> None:

@@ -29,7 +29,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
-from phd_jdtc_ros.quoting import counts_text
+from phd_jdtc_ros.quoting import counted, counts_text
 from phd_jdtc_ros.transponders.stream import Batch
 
 from .. import command, recorded_clouds
@@ -76,14 +76,15 @@ class Conversion:
             name, revolution_s = state.settings.name, state.assembler.revolution_s
             revolution = f", a revolution of {revolution_s:.4f} s" if revolution_s else ""
             listed = counts_text(state.counts)
-            held = f"{state.plots} plots, {state.services} service messages"
+            held = counted(state.plots, "plot[s]")
+            held += f", {counted(state.services, 'service message[s]')}"
             if state.positions:
                 whose = {TRACKS: ", tracks of another centre,"}.get(state.source, "")
-                held = f"{state.positions} positions{whose} on {names.reports(name)}"
-                held += f", {state.plots} plots" if state.plots else ""
+                held = f"{counted(state.positions, 'position[s]')}{whose} on {names.reports(name)}"
+                held += f", {counted(state.plots, 'plot[s]')}" if state.plots else ""
             yield (
                 f"{name}: {held}, "
-                f"{state.reports} clouds{revolution}{f'; {listed}' if listed else ''}"
+                f"{counted(state.reports, 'cloud[s]')}{revolution}{f'; {listed}' if listed else ''}"
             )
             if state.counts["second_source"]:
                 own = " and ".join(dict.fromkeys(state.sources.values()))
@@ -95,7 +96,8 @@ class Conversion:
             if shift_s:
                 yield f"{name}: its clock is {-shift_s:+.1f} s off, and was shifted"
         for size, count in self.stream.blocks.known_trailers().items():
-            yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
+            trailed = counted(count, "datagram[ has|s have]")
+            yield f"{trailed} a trailer of {size} bytes, which is skipped"
         if self.ports.silent and not self.ports.reads_nothing:
             yield self.ports.silence
         others = {n: count for n, count in self._held() if not records.readers(n)}
@@ -335,7 +337,7 @@ def _from_recording(path: Path, arguments: argparse.Namespace, bridge: Bridge) -
     if arguments.csv is not None:
         read, out = tabulate, arguments.csv
     done = read(path, out, bridge, arguments.date, arguments.port)
-    print(f"{out}: {done.clouds} clouds, {done.plots} plots")
+    print(f"{out}: {counted(done.clouds, 'cloud[s]')}, {counted(done.plots, 'plot[s]')}")
     return recorded_clouds.ended(NAME, path, done.lines(), list(done.faults()))
 
 
@@ -358,8 +360,9 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     dropped = counts_text(done.dropped)
     nothing = not done.clouds and not dropped
     print(
-        f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
-        f"{done.clouds} clouds; dropped: {dropped or 'none'}"
+        f"{arguments.out}: {counted(done.records, f'{done.what[:-1]}[s]')} in "
+        f"{counted(done.blocks, 'data block[s]')}, of {counted(done.clouds, 'cloud[s]')}; dropped: "
+        f"{dropped or 'none'}"
     )
     if done.out_of_range:
         print(f"plots beyond the largest range of CAT048: {done.out_of_range}")

@@ -90,8 +90,8 @@ def test_covariance_that_is_not_positive_definite_is_replaced(std, correlation):
     assert report.anomalies == {"deviations_unusable": 1}
     (text,) = anomalies.of(LIDAR, report.anomalies)
     assert text == (
-        "1 standard deviations that are zero, negative or absurd, or covariances that are not "
-        "positive definite; lidar.position_std replaces them"
+        "1 standard deviation that is zero, negative or absurd, or covariance that is not "
+        "positive definite; lidar.position_std replaces it"
     )
 
 
@@ -109,7 +109,7 @@ def test_places_in_millions_are_used_and_noted():
     assert report.dropped == {"not_finite": 1}
     assert report.anomalies == {"positions_far": 1}
     (text,) = anomalies.of(own, report.anomalies)
-    assert text.startswith("1 positions 1000 km or more from the sensor, where single precision")
+    assert text.startswith("1 position 1000 km or more from the sensor, where single precision")
 
 
 def test_absurd_velocities_leave_their_detections():
@@ -262,7 +262,7 @@ def test_an_area_that_is_none_is_replaced(area):
     assert report.detections.area is None
     assert len(report.detections) == 2
     (text,) = anomalies.of(LIDAR, report.anomalies)
-    assert text.startswith("1 clouds whose area_x_min, area_y_min, area_x_max and area_y_max are")
+    assert text.startswith("1 cloud whose area_x_min, area_y_min, area_x_max and area_y_max are")
     assert "lidar.area replaces it" in text
     unknown = read({"x": [1.0, 2.0], "y": [1.0, 2.0], **edges(NAN, NAN, NAN, NAN)})
     assert not unknown.anomalies

@@ -252,7 +252,7 @@ def test_packets_that_were_not_captured_whole_are_no_success(bridge):
     data[-size - 8 : -size - 4] = (size - 4).to_bytes(4, "little")
     status, _, said = bridge(bytes(data[:-4]))
     assert status == 3
-    assert "has 1 packets that were not captured whole, and are left out: tcpdump -s 0" in said.err
+    assert "has 1 packet that was not captured whole, and is left out: tcpdump -s 0" in said.err
 
 
 @pytest.mark.parametrize("given", ["0", "65536", "-1", "8600x", "9" * 5000])

@@ -140,7 +140,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
     bag_parameters.write(bag / bag_parameters.NAME, from_arguments.config_of(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert capsys.readouterr().out.endswith(
-        "1 plots in 2 data blocks, of 1 clouds; dropped: none\n"
+        "1 plot in 2 data blocks, of 1 cloud; dropped: none\n"
         "plots beyond the largest range of CAT048: 1\n"
     )
     (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
