@@ -34,6 +34,7 @@ SURFACE_RANGE = 20e3
 MAX_RANGE_FACTOR, MIN_RANGE_FACTOR = 1.1, 0.9
 # Parameters that are estimated as `tune` does it, from a recording that shows the noise.
 ESTIMATED = ("range_std", "azimuth_std_deg", "clutter_rate")
+OF_TARGETS = ("detection_births.std", *(f"{name}.noise_density" for name in ("cv", "ct", "hard")))
 OVER_RANGE = ("clutter_density", "clutter_density_range")
 # Plausible detection probabilities, and their assumed decrease per metre of range.
 PROBABILITIES, PROBABILITY_SLOPE = (0.5, 0.99), 0.03 / 100e3
@@ -131,9 +132,10 @@ def measure(proposed: Proposal, states: Sequence[RadarState], bag: Path) -> None
         if math.isfinite(own.detection.value):
             _set_detection_probability(proposed, radar, own.detection.value)
     if found and found.keys() <= near:
-        # Ships, vehicles and taxiing aircraft are slower than aircraft in flight.
-        speeds = unspecified(found)["detection_births.std"]
-        proposed.set("detection_births.std", speeds, "measured: the radar sees less than 20 km")
+        # Ships, vehicles and taxiing aircraft are slower than aircraft in flight, and turn slower.
+        measured = unspecified(found)
+        for name in OF_TARGETS:
+            proposed.set(name, measured[name], "measured: the radar sees less than 20 km")
     together = [state for state in states if state.settings.name in proposed.values["sensors"]]
     false = {radar: own.false_share for radar, own in found.items()}
     _set_equipped_probability(proposed, together, false, config.values["equipped_probability"])

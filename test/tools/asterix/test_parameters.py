@@ -288,6 +288,7 @@ def test_surface_radar_is_over_a_flat_earth_with_speeds_of_its_own(
     assert given["radar_1_2.rotation_s"] == pytest.approx(1.008, abs=0.01 / seconds)
     assert ("are for a long-range radar and may not fit" in said.out) == (not tuned)
     assert (given["detection_births.std"][0] < 100.0) == tuned
+    assert (given["cv.noise_density"] < 0.1) == tuned
     assert BagReader(bag).counts["/radar_1_2/detections"] <= 4 * 121
 
 
