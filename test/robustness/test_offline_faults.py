@@ -1,9 +1,16 @@
 """A bounded part of what the harness does without nodes, and its own parts."""
 
+import argparse
+import json
+import random
+
 import numpy as np
 import pytest
 from estimate_sets import estimates
 
+from msg_adapters.encoding import interfaces, names, stamps
+from robustness import command
+from robustness.harness import figures, scans
 from robustness.hostile_input import (
     asterix_bytes,
     asterix_recordings,
@@ -13,6 +20,7 @@ from robustness.hostile_input import (
     forgeries,
     hostile,
     random_trackers,
+    raw_bytes,
 )
 from robustness.reports import absurd, crowd, numerics, reflected
 
@@ -82,6 +90,17 @@ def test_no_covariance_that_is_none_leaves_the_engine(case):
     assert numerics.outcome(begun) == ""
 
 
+def test_the_matrix_has_all_parts_or_those_that_are_asked_for():
+    def measured(part):
+        return list(command.faults(argparse.Namespace(part=part)))
+
+    every = measured(None)
+    assert len(every) > 25
+    assert every[-len(command.ELSEWHERE) - 1] is command.FAULTS[-1]
+    assert measured(["overload"]) == [*command.figures_of("overload")]
+    assert len(measured(["overload", "crowd"])) == 3
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -96,3 +115,61 @@ def test_no_covariance_that_is_none_leaves_the_engine(case):
 def test_faults_of_covariances_are_seen(change, said):
     found = numerics.fault_of(estimates(np.zeros((1, 5)), change(np.eye(5))), 1e-12)
     assert found.startswith(said) if said else found == ""
+
+
+def test_messages_are_stamped_and_mutated_alone():
+    before = interfaces.decode(scans.cloud(3, 0, scans.START_NS), names.CLOUD)
+    after = interfaces.decode(scans.cloud(3, 0, 12_345_678_901), names.CLOUD)
+    assert stamps.to_ns(after.header.stamp) == 12_345_678_901
+    assert bytes(after.data) == bytes(before.data)
+    rng = random.Random(0)
+    data = scans.cloud(0, 0)
+    made = [raw_bytes.mutate(data, rng) for _ in range(200)]
+    assert all(message[raw_bytes.STAMP] == data[raw_bytes.STAMP] for message in made)
+    assert sum(message != data for message in made) > 190
+
+
+@pytest.mark.parametrize(
+    ("measure", "reached"),
+    [(lambda: ("fine", True, {}), True), (lambda: ("bad", False, {}), False)],
+)
+def test_figure_states_what_was_measured(measure, reached):
+    figure = figures.measures("name", "goal")(measure)()
+    assert figure.reached is reached
+    assert figures.all_reached([figure]) is reached
+
+
+def test_figures_have_goals_of_their_arguments_or_reasons():
+    figure = figures.measures("name", lambda count=2: f"{count} scans")(
+        lambda count: ("", True, {})
+    )
+    assert figure(count=3).goal == "3 scans"
+    error = figures.NotMeasurableError("no root")
+    figure = figures.measures("name", "goal")(raising(error))()
+    assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")
+    assert figures.all_reached([figure])
+
+
+def raising(error):
+    def measure():
+        raise error
+
+    return measure
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, IndexError, ValueError, OSError])
+def test_figure_whose_measurement_fails_is_not_reached(kind):
+    figure = figures.measures("name", "goal")(raising(kind("it died")))()
+    assert figure.reached is False
+    assert kind.__name__ in figure.measured
+    assert "it died" in figure.measured
+
+
+def test_summary_and_table_hold_every_figure(tmp_path):
+    found = [figures.Figure("one", "goal", "1", True), *command.ELSEWHERE]
+    path = command.write(found, tmp_path / "out", 1.0)
+    summary = json.loads(path.read_text())
+    assert [entry["figure"] for entry in summary["figures"]] == [f.name for f in found]
+    assert summary["figures"][1]["measured"] is None
+    assert summary["figures"][1]["reason"]
+    assert command.table("faults", found).row_count == len(found)

@@ -12,6 +12,7 @@ from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import UNKNOWN, Coverage, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import detect, simulate, simulate_with_sources
 from phd_jdtc_ros.simulation.turning_antenna import (
@@ -59,6 +60,9 @@ CONFIG = resolve(
 )
 DOCUMENT = {"interval_s": 1.0, "scans": 25, "traffic": {"aircraft": 5, "seed": 3}}
 ERRORS = {"range_bias": 80.0, "range_gain": 1e-3, "azimuth_bias_deg": 0.3, "time_offset_s": 0.5}
+ROTATION_S = 4.0016
+WINDY = Antenna(bearing=1.0, wobble=0.005, wobble_period_s=700.0)
+TIMES = np.linspace(0.0, 3600.0, 5000)
 
 
 def standing(count, position=(6e3, 8e3)):
@@ -295,3 +299,24 @@ def test_a_misaligned_antenna_cuts_its_sectors_at_its_reported_azimuth():
     assert sum(map(len, found)) > 50
     for detections in found:
         assert sector_probability(detections.measurement[:, 1], detections.coverage).all()
+
+
+def test_even_antenna_turns_at_its_rate_and_back():
+    for antenna in (WINDY, Antenna(bearing=2.0), Antenna(wobble=0.5, wobble_period_s=30.0)):
+        revolutions = antenna.revolutions_at(TIMES, ROTATION_S)
+        assert (np.diff(revolutions) > 0.0).all()
+        np.testing.assert_allclose(antenna.times_at(revolutions, ROTATION_S), TIMES, atol=0.005)
+    revolutions = Antenna(bearing=np.pi / 2.0).revolutions_at(TIMES, ROTATION_S)
+    np.testing.assert_array_equal(revolutions, TIMES / ROTATION_S + 0.25)
+
+
+def test_wobble_is_a_share_of_the_rate_and_even_over_its_period():
+    rate = np.diff(WINDY.revolutions_at(TIMES, ROTATION_S)) / np.diff(TIMES)
+    np.testing.assert_allclose(
+        [rate.max(), rate.min()], np.array([1.005, 0.995]) / ROTATION_S, rtol=1e-5
+    )
+    after = WINDY.revolutions_at(700.0 * np.arange(6), ROTATION_S)
+    np.testing.assert_allclose(np.diff(after), 700.0 / ROTATION_S)
+    half = WINDY.revolutions_at(np.array([175.0]), ROTATION_S)[0] - after[0]
+    # A quarter of a sine is ahead by its integral.
+    assert half - 175.0 / ROTATION_S == pytest.approx(0.005 * 700.0 / (2.0 * np.pi) / ROTATION_S)

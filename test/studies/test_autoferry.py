@@ -46,6 +46,43 @@ def directory(tmp_path):
     return tmp_path
 
 
+def test_scenarios_are_found_by_their_files(directory):
+    assert autoferry.scenarios_in(directory) == [7]
+    with pytest.raises(autoferry.RecordingError, match=r"no scenarioNUMBER_detections\.csv"):
+        autoferry.scenarios_in(directory / "nowhere")
+
+
+def test_detections_are_polar_about_the_ferry(directory):
+    recording = autoferry.read(directory, 7)
+    assert [look.sensor for look in recording.looks] == ["lidar", "radar", "lidar", "radar"]
+    look = recording.of("radar")[0]
+    assert look.stamp_ns == 100_534_000_000
+    assert look.own.position == (-391.13, -16.77)
+    distance, azimuth = look.detections.measurement[1]
+    east, north = distance * np.cos(azimuth), distance * np.sin(azimuth)
+    assert (east, north) == pytest.approx((38.91, 102.77))
+    assert len(recording.of("radar")[1].detections) == 0
+
+
+def test_sensors_of_one_stamp_are_one_scan(directory):
+    recording = autoferry.read(directory, 7)
+    scans = autoferry_scores.scans_of(recording, ("radar", "lidar"))
+    assert [[found is not None for found in scan.detections] for scan in scans] == [
+        [False, True],
+        [True, True],
+        [True, False],
+    ]
+    assert len(autoferry_scores.scans_of(recording)) == 2
+
+
+def test_the_truth_is_interpolated_to_the_stamp(directory):
+    truth = autoferry.read(directory, 7).truth(100_400_000_000)
+    np.testing.assert_array_equal(truth.track_id, [1, 2])
+    np.testing.assert_allclose(truth.position, [[-352.0, 82.0], [-580.2, -150.2]])
+    np.testing.assert_allclose(truth.velocity[0], [-10.0, 10.0])
+    assert len(autoferry.read(directory, 7).truth(110_000_000_000).track_id) == 0
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "expected"),
     [
@@ -63,6 +100,20 @@ def test_a_foreign_file_is_refused_with_the_line(directory, file, old, new, expe
     with pytest.raises(autoferry.RecordingError) as why:
         autoferry.read(directory, 7)
     assert expected in str(why.value)
+
+
+def score(tracker, source, gospa):
+    return autoferry_scores.Score(2, tracker, source, gospa, 0.1, 0.2, 5.0)
+
+
+def test_goals_compare_with_the_better_peer_of_the_same_source():
+    values = {"gaussian": 33.0, "GNN": 40.0, "JPDA": 50.0}
+    scores = [score(name, s, v) for name, v in values.items() for s in ("filtered", "smoothed")]
+    goals = autoferry_scores.goals_of(scores)
+    filtered, smoothed = goals
+    assert filtered["name"] == "GOSPA filtered, gaussian, to the better peer's"
+    assert filtered["value"] == smoothed["value"] == pytest.approx(33.0 / 40.0)
+    assert (filtered["reached"], smoothed["reached"]) == (True, False)
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,12 @@
 import json
+from itertools import pairwise
 
 import numpy as np
+import pytest
+from reference import resolve
 
 from phd_jdtc_ros.core.types import Estimates, Truth
+from studies.calibration.drawn_truth import diffused_snr, drawn_run, drawn_snr
 from studies.calibration.scores import (
     CLASS_EDGES,
     EXISTENCE_EDGES,
@@ -11,7 +15,18 @@ from studies.calibration.scores import (
     of_run,
     pooled,
 )
+from studies.calibration.study import TRUE
 from studies.command import main
+
+SCANS, RUNS = 50, 20
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """The truth of some runs, and the model that they are drawn from."""
+    model = resolve(TRUE).model
+    runs = (drawn_run(model, SCANS, np.random.default_rng([5, run])) for run in range(RUNS))
+    return [[truth for truth, _ in run] for run in runs], model
 
 
 def estimates(position, weight, class_probability, std=100.0):
@@ -36,6 +51,72 @@ def targets(position, class_id):
     state = np.zeros((len(position), 5))
     state[:, [0, 2]] = position
     return Truth(0, state, np.arange(1, len(position) + 1), np.array(class_id))
+
+
+def test_drawn_snr_is_uniform_in_the_band_of_its_class(drawn):
+    _, model = drawn
+    for mode in (0, len(model.modes) - 1):
+        low, high = np.log1p(model.modes.classes[model.modes.class_of[mode]].snr_band)
+        born = drawn_snr(np.full(4000, mode), model, np.random.default_rng(0))
+        assert born.min() >= low
+        assert born.max() <= high
+        # The standard error of a uniform mean over 4000 draws is 0.46 % of the width.
+        assert born.mean() == pytest.approx((low + high) / 2.0, abs=0.02 * (high - low))
+
+
+def test_drawn_snr_diffuses_within_its_band_by_the_square_root_of_time(drawn):
+    _, model = drawn
+    low, high = np.log1p(model.modes.classes[0].snr_band)
+    snr, mode, interval_s = (
+        np.linspace(low, high, 5000),
+        np.zeros(5000, int),
+        model.modes.interval_s,
+    )
+    moved = diffused_snr(snr, mode, model, interval_s, np.random.default_rng(0))
+    assert moved.min() >= low
+    assert moved.max() <= high
+    assert np.std(moved - snr) == pytest.approx(model.amplitudes.jitter, rel=0.05)
+    middle = np.full(5000, 0.5 * (low + high))
+    short, long = (
+        diffused_snr(middle, mode, model, dt, np.random.default_rng(0)) - middle
+        for dt in (interval_s, 4.0 * interval_s)
+    )
+    np.testing.assert_allclose(long, 2.0 * short)
+
+
+def test_drawn_targets_are_born_and_survive_in_their_class(drawn):
+    runs, model = drawn
+    born = sum(len({n for truth in run for n in truth.track_id.tolist()}) for run in runs)
+    expected = RUNS * SCANS * sum(term.rate.sum() for term in model.births)
+    assert abs(born - expected) < 4.0 * np.sqrt(expected)
+    pairs = [pair for run in runs for pair in pairwise(run)]
+    lived = sum(len(before.track_id) for before, _ in pairs)
+    died = sum(len(np.setdiff1d(one.track_id, two.track_id)) for one, two in pairs)
+    expected = lived * (1.0 - model.modes.classes[0].survival_probability)
+    assert abs(died - expected) < 4.0 * np.sqrt(expected)
+    runs, _ = drawn
+    known = {
+        (index, number, own)
+        for index, run in enumerate(runs)
+        for truth in run
+        for number, own in zip(truth.track_id.tolist(), truth.class_id.tolist(), strict=True)
+    }
+    assert len(known) == len({(index, number) for index, number, _ in known})
+
+
+def test_drawn_targets_start_with_the_spread_of_their_births(drawn):
+    runs, model = drawn
+    first = {
+        (index, number): position
+        for index, run in enumerate(runs)
+        for truth in reversed(run)
+        for number, position in zip(truth.track_id.tolist(), truth.position, strict=True)
+    }
+    places = np.array([term.mean[[0, 2]] for term in model.births])
+    apart = np.array(list(first.values()))[:, None] - places
+    nearest = np.abs(apart).sum(axis=2).argmin(axis=1)
+    scaled = apart[np.arange(len(apart)), nearest] / model.births[0].std[0]
+    assert scaled.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2 * scaled.size))
 
 
 def test_matched_gives_targets_to_the_nearer_within_the_gate():

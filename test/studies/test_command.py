@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from phd_jdtc_ros.exit_status import FAILED, INTERRUPTED, OK
 from phd_jdtc_ros.tools import monte_carlo
 from studies import command, runner
 from studies.runner import Study, StudyError, goal
@@ -62,6 +63,51 @@ def test_goals_of_studies_join_those_of_the_summary(quick, tmp_path, monkeypatch
     assert [goal["name"] for goal in summary["goals"]] == ["own", "of now"]
 
 
+@pytest.fixture
+def endless(quick, monkeypatch):
+    """Return a function that sets how the Monte Carlo study ends, beside others that do not.
+
+    It returns the list of functions that say how many others run.
+    """
+    monkeypatch.setattr(sys.modules[__name__], "PRINTED", "import time; time.sleep(100)")
+    asked = []
+
+    def set_main(end):
+        def main(argv, busy, kinds):
+            asked.append(busy)
+            return end()
+
+        monkeypatch.setattr(monte_carlo, "main", main)
+        return asked
+
+    return set_main
+
+
+def test_other_studies_end_with_the_one_they_are_beside(endless, tmp_path):
+    def fail():
+        raise RuntimeError
+
+    asked = endless(fail)
+    with pytest.raises(RuntimeError):
+        command.main(["all", "--out", str(tmp_path)])
+    assert asked[0]() == 0
+    asked = endless(lambda: INTERRUPTED)
+    assert command.main(["all", "--out", str(tmp_path)]) == INTERRUPTED
+    assert asked[0]() == 0
+
+
+def test_no_study_follows_one_that_was_interrupted(tmp_path, monkeypatch):
+    begun, statuses = [], iter([OK, FAILED, INTERRUPTED])
+
+    def run(study, argv):
+        begun.append(study.name)
+        return next(statuses)
+
+    monkeypatch.setattr(command.runner, "run", run)
+    assert command.main(["rest", "--out", str(tmp_path)]) == INTERRUPTED
+    assert begun == [command.study_of(name).name for name in command.REST[:3]]
+
+
 @pytest.mark.parametrize("name", command.STUDIES)
 def test_every_study_describes_itself(name, capsys):
     assert command.study_of(name).name == name
@@ -114,6 +160,23 @@ def test_runs_give_the_means_of_figures_and_of_goals(tmp_path):
     assert (found["of"], found["names"]) == ({"value": 2.0}, ["a"])
     (only,) = found["goals"]
     assert (only["value"], only["at_most"], only["reached"]) == (1.0, True, False)
+
+
+def test_means_and_goals_without_values_are_unknown():
+    found = runner.mean([{"a": 1.0, "b": None}, {"a": 2.0, "b": 4.0}])
+    assert found == {"a": 1.5, "b": None}
+    assert goal("unknown", None, 1.0)["reached"] is None
+    assert goal("high", 2.0, 1.0, at_most=False)["reached"] is True
+
+
+def test_cells_have_intervals_of_several_seeds_units_and_a_dash_without_a_figure():
+    one = {"of": {"share": 0.5, "length": 3.0, "lacking": None}}
+    several = {**one, "half_width": {"of": {"share": 0.02, "length": 0.5, "lacking": None}}}
+    assert runner.cell(one, ["of", "share"], ".1%") == "50.0 %"
+    assert runner.cell(several, ["of", "share"], ".1%") == "50.0 ± 2.0 %"
+    assert runner.cell(several, ["of", "length"], ".1f", "m") == "3.0 ± 0.5 m"
+    assert runner.cell(several, ["of", "lacking"], ".1f", "m") == "-"
+    assert runner.cell({"of": {}}, ["of", "scores", "length"], ".1f") == "-"
 
 
 def test_figures_and_goals_join_the_summary_and_replace_their_own(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros import __main__ as executables
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.exit_status import FAILED, OK, USAGE
 from phd_jdtc_ros.simulation.scenario import truth_after
@@ -14,7 +14,7 @@ from phd_jdtc_ros.simulation.transponder import Transponders
 from studies.command import main
 from studies.hours import hour as hours
 from studies.hours import study
-from studies.hours.goals import WAYS, goals_of
+from studies.hours.goals import AS_IS, NO_IDENTITIES, TUNED, WAYS, goals_of
 from studies.hours.hour import FOUND_M, Hour, Reader, Scores
 from studies.hours.study import hour_of
 
@@ -54,6 +54,20 @@ def test_true_tracks_are_found_and_none_without_tracks(hour, reader, true_tracks
     none = [points.only(np.zeros(0, np.int64)) for points in true_tracks]
     found = scored(hour, reader, none)
     assert (found.found, found.rms, found.false_a_revolution) == (0.0, FOUND_M, 0.0)
+
+
+def test_intervals_are_of_the_differences_between_parts_of_the_hour(hour, reader, true_tracks):
+    parts = np.array_split(np.arange(len(true_tracks)), hours.BLOCKS)
+    half = [
+        points.only(np.arange(len(points) if revolution < parts[6][0] else 0))
+        for revolution, points in enumerate(true_tracks)
+    ]
+
+    assert scored(hour, reader, true_tracks).half_width["found"] == 0.0
+    # Six parts have all targets and six none: the 97.5 % quantile of Student's t of 11 degrees of
+    # freedom, 2.201, times the standard error of their mean.
+    expected = 2.201 * np.std([0.0, 1.0] * 6, ddof=1) / np.sqrt(12)
+    assert scored(hour, reader, half).half_width["found"] == pytest.approx(expected, rel=1e-3)
 
 
 def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader, true_tracks):
@@ -107,6 +121,42 @@ def _renamed(points, number, other, now):
     return replace(points, track_id=renamed)
 
 
+def test_passes_count_from_when_a_target_came_into_sight(hour):
+    gap = next(each for each in hour.scenario.gaps if each.end_s < 440.0)
+    assert hour.passes(gap.number, gap.start_s - 5.0) > 3
+    assert hour.passes(gap.number, gap.start_s + 0.1) == 0
+    assert hour.passes(gap.number, gap.end_s - 0.1) == 0
+    after = [
+        hour.passes(gap.number, gap.end_s + 4.0016 * revolutions)
+        for revolutions in (1.05, 2.05, 3.05)
+    ]
+    assert after == [1, 2, 3]
+    assert hour.passes(10_000, 100.0) == 0
+
+
+def test_shift_is_found_whatever_is_missing():
+    rng = np.random.default_rng(5)
+    own = np.sort(rng.uniform(0.0, 600.0, 4000))
+    recorded = np.round(own * 128.0) / 128.0 + 1581.3
+    kept = recorded[(rng.random(4000) < 0.3) & (recorded > 1581.3 + 200.0)]
+    assert hours.shift_s(own, kept) == pytest.approx(1581.3, abs=5e-3)
+
+
+def test_tracks_are_those_nearest_to_the_end_of_each_revolution(hour):
+    def estimates(time_s):
+        return Estimates(
+            hour.scenario.start_ns + round((time_s + 5.0) * 1e9),
+            *(0, np.zeros((1, 5)), np.zeros((1, 5, 5)), np.ones(1), np.ones((1, 1))),
+            *(np.zeros(1, np.int64), np.ones(1, np.int64)),
+        )
+
+    ends = hour.ends_s
+    made = [estimates(ends[0] + 1.0), estimates(ends[0] - 0.5), estimates(ends[2] + 1.9)]
+    times_s, found = hours.tracks(hour, made, 5.0)
+    np.testing.assert_allclose(times_s[:4], [ends[0] - 0.5, ends[1], ends[2] + 1.9, ends[3]])
+    assert [len(points) for points in found[:4]] == [1, 0, 1, 0]
+
+
 def test_truth_is_where_a_flat_earth_puts_it(hour, reader):
     flat = replace(hour.layout, site=None, datum=0.0)
     own = Reader(flat, replace(reader.radar, position=(500.0, -200.0)))
@@ -130,6 +180,12 @@ def test_truth_that_answers_nothing_is_where_its_plots_are(hour, reader):
     assert off.min() > -50.0
 
 
+def test_plot_kalman_gets_the_same_plots_and_finds_aircraft(hour, reader):
+    found = scored(hour, reader, hours.plot_kalman(hour, reader, hour.ends_s))
+    assert found.found > 0.98
+    assert 10.0 < found.rms < 100.0
+
+
 def tracked(found, rms, false=0.1, switches=2, status=0):
     own = Scores(1000, found, found, rms, false, switches, 0, 0)
     peer = Scores(1000, 0.99, 0.99, 40.0, 0.5, 10, 0, 0)
@@ -142,6 +198,37 @@ def reached(ways, hour="approach_hour"):
     goals = goals_of(hour, ways)
     assert len({goal["name"] for goal in goals}) == len(goals)
     return {goal["name"].removeprefix(f"{hour}: "): goal["reached"] for goal in goals}
+
+
+def test_goals_compare_tracks_with_the_plot_kalman_tracker():
+    good = {
+        AS_IS: tracked(0.999, 30.0, switches=1),
+        NO_IDENTITIES: tracked(0.999, 30.0, switches=10),
+        TUNED: tracked(0.999, 30.0),
+    }
+    assert all(reached(good).values())
+    worse = {**good, AS_IS: tracked(0.985, 33.0, 0.31, 11, status=3)}
+    missed = {name for name, whole in reached(worse).items() if not whole}
+    assert missed == {
+        "exit status, nothing set",
+        "found filtered, %, nothing set",
+        "found smoothed, %, nothing set",
+        "RMS filtered, to plot Kalman, nothing set",
+        "RMS smoothed, to plot Kalman, nothing set",
+        "false tracks a turn",
+        "identity switches with identities",
+        "identity switches with addresses",
+    }
+    assert not reached({**good, NO_IDENTITIES: tracked(0.999, 30.0, switches=11)})[
+        "identity switches without identities"
+    ]
+    assert "identity switches with addresses" not in reached(good, "en_route_hour")
+
+
+def test_goals_without_tracks_are_the_exit_statuses():
+    assert reached({AS_IS: {"status": 2, "scores": {}, "plot_kalman": None}}) == {
+        "exit status, nothing set": False
+    }
 
 
 def run_here(name, *arguments):

@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.tracker import simulated_run
 from studies import peers
 from studies.peers import soup
-from studies.peers.settings import ANYWHERE
+from studies.peers.conversion import detection, measurement_model
+from studies.peers.mixture_phd import nearest_turn
+from studies.peers.problem import Problem
+from studies.peers.settings import ANYWHERE, LOUD_THRESHOLD
+from studies.peers.threshold import raised_threshold
 
 pytest.importorskip("stonesoup")
 
@@ -77,6 +82,20 @@ def test_peer_follows_a_target_along_the_cut_of_the_bearings(contender):
         assert missed(run, points) == 0
 
 
+def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
+    problem = Problem.of(short_run(), MODEL)
+    stamp, looks = next(problem.scans())
+    sensor = measurement_model(problem.soup, looks[0][0])
+    place = problem.soup.GaussianState([-9000.0, 0.0, -1.0, 0.0], np.eye(4), timestamp=stamp)
+    hypothesis = SimpleNamespace()
+    hypothesis.measurement_prediction = problem.updater.predict_measurement(place, sensor)
+    hypothesis.measurement = detection(problem.soup, np.array([1e4, 3.1]), stamp, sensor)
+    moved = nearest_turn(problem.soup, hypothesis).state_vector
+    np.testing.assert_allclose(
+        np.asarray(moved, dtype=float)[:, 0], [3.1 - 2.0 * np.pi, 1e4], rtol=1e-12
+    )
+
+
 @pytest.fixture(scope="module")
 def run_from_elsewhere():
     """A run whose target appears kilometres from all birth places."""
@@ -96,6 +115,39 @@ def test_gnn_starts_tracks_at_birth_places_alone(name, run_from_elsewhere):
         run_from_elsewhere, reference.parameters(), (LAG,)
     ).tracks.values()
     assert [len(found) for found in points] == [0] * SCANS
+
+
+@pytest.mark.parametrize("name", [name for name, peer in peers.PEERS.items() if peer.loud])
+def test_loud_peers_take_strong_detections_alone(name):
+    run = short_run(clutter_rate=20.0)
+    (whole,), (strong,) = (
+        peers.PEERS[name](given, reference.parameters(), (0,)).tracks.values()
+        for given in (run, raised_threshold(run, LOUD_THRESHOLD))
+    )
+    for found, expected in zip(whole, strong, strict=True):
+        np.testing.assert_array_equal(found.position, expected.position)
+
+
+def test_raised_threshold_drops_weak_detections_and_their_clutter():
+    run = short_run(clutter_rate=20.0)
+    loud = raised_threshold(run, 5.0)
+    for scan, sources in zip(loud.scans, loud.sources, strict=True):
+        for report, source in zip(scan.detections, sources, strict=True):
+            assert np.all(report.amplitude > 5.0)
+            assert len(source) == len(report)
+    false = sum(np.count_nonzero(s == 0) for sources in loud.sources for s in sources)
+    expected = loud.scenario.radars[0].clutter_rate * SCANS * len(loud.scenario.radars)
+    assert abs(false - expected) < 4.0 * np.sqrt(expected) + 1.0
+
+
+def test_raised_threshold_refuses_lower_ones_and_no_amplitudes():
+    with pytest.raises(ValueError, match=r"threshold: 1\.0 given"):
+        raised_threshold(short_run(), 1.0)
+    run = short_run()
+    first, *others = run.scans
+    silent = replace(first, detections=(None, *first.detections[1:]))
+    with pytest.raises(ValueError, match=f"scan of {first.stamp_ns} ns: a radar reports no ampl"):
+        raised_threshold(replace(run, scans=(silent, *others)), 5.0)
 
 
 def test_peers_name_what_to_install(monkeypatch):

@@ -9,18 +9,22 @@ from pathlib import Path
 import biased
 import numpy as np
 import pytest
+from rich.console import Console
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import yaml_files
 from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
 from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import truth_after
 from studies import conflicts, handover, hard_traffic, misspecified, registration
 from studies.command import main
-from studies.handover import CORE, JOINT, ONE
-from studies.madap import SETTLING_S, errors_of
-from studies.registration import BIASED, CORRECTED, RUNS, UNBIASED
+from studies.handover import CORE, JOINT, ONE, scene
+from studies.madap import FIGURES, SETTLING_S, errors_of, expected_speed, figures_of, goals_of
+from studies.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
+from studies.runner import until
 
 BAG = Path(__file__).parents[2] / "bags" / "one_radar"
 # The tracker runs for so long.
@@ -118,6 +122,16 @@ def few(monkeypatch):
     monkeypatch.setattr(handover, "SETTLING_S", 20.0)
 
 
+def test_aircraft_cross_the_seam_in_both_directions():
+    scenario = scene(resolve(scenario_parameters(None)), 0)
+    begin, end = (truth_after(scenario, s).position[:, 0] > handover.SEAM for s in (0.0, 179.0))
+    east, west = (~begin & end).sum(), (begin & ~end).sum()
+    assert min(east, west) >= 10
+    assert east + west >= handover.CROSSING
+    along = truth_after(scenario, 90.0).position[handover.CROSSING :, 0]
+    assert np.abs(along - handover.SEAM).max() <= 1e3
+
+
 def test_handover_prints_what_is_lost(few, tmp_path, capsys):
     given = ["--seed", "5", "--runs", "1", "--out", str(tmp_path)]
     assert main(["handover", *given]) == 0
@@ -154,6 +168,50 @@ def test_the_tracker_gains_by_what_is_found(found):
     assert azimuth["found"] == pytest.approx(0.3, abs=0.05)
     assert rows["east", "time offset"]["true"] == 0.5
     assert rows["south", "range bias"]["true"] == 0.0
+
+
+def test_the_tables_show_every_error_and_run(found):
+    console = Console(record=True, width=120)
+    for table in registration.tables(found):
+        console.print(table)
+    text = console.export_text()
+    assert text.count("east") == text.count("south") == 4
+    assert text.count("reference") == 1
+    for name in RUNS:
+        assert name in text
+
+
+def test_goals_are_of_the_radar_that_is_worst():
+    rows = [
+        Row("one", "range bias", "m", 80.0, 85.0, 2.0),
+        Row("two", "range bias", "m", 0.0, -9.0, 2.0),
+        Row("one", "azimuth, clockwise", "deg", 0.3, 0.31, 0.01),
+        Row("one", "time offset", "s", 0.5, 0.52, 0.01),
+    ]
+    errors = {
+        UNBIASED: {"filtered": 50.0, "smoothed": 30.0},
+        CORRECTED: {"filtered": 52.0, "smoothed": 33.0},
+    }
+    goals = {goal["name"]: goal for goal in registration.goals_of(rows, errors)}
+    assert len(goals) == 5
+    assert all(name.startswith("registration: ") for name in goals)
+    of_range = goals["registration: range bias, m"]
+    assert (of_range["value"], of_range["goal"], of_range["reached"]) == (9.0, 8.0, False)
+    assert goals["registration: azimuth, clockwise, deg"]["reached"]
+    assert goals["registration: time offset, s"]["goal"] == 0.05
+    assert goals["registration: RMS filtered, to no errors"]["reached"]
+    assert not goals["registration: RMS smoothed, to no errors"]["reached"]
+
+
+def test_a_part_of_a_scenario_has_the_targets_until_then():
+    _, scene = biased.scene(biased.document(scans=1201))
+    part = until(scene, 60.0)
+    assert part.duration_s == 60.0
+    starts = [flight.start_s for flight in part.flights]
+    assert max(starts) <= 60.0
+    assert len(starts) < len(scene.flights)
+    assert part.bias(1) == scene.bias(1) != NO_BIAS
+    assert replace(scene, biases=()).bias(1) == NO_BIAS
 
 
 @pytest.fixture(scope="module")
@@ -208,6 +266,41 @@ def test_errors_are_those_of_position_speed_and_heading():
     assert errors.turning.tolist() == [False, True]
 
 
+def test_a_track_far_from_every_flight_is_none_of_theirs():
+    truth = [update(0.0), update(100.0, (0.0, 0.0, 10.0, 0.0, 0.0))]
+    errors = errors_of(truth, [tracks(), tracks((6.0 * NM, 0.0, 10.0, 0.0))])
+    assert (len(errors.position), errors.expected) == (0, 1)
+    assert figures_of(errors)["position error, mean"] is None
+
+
+def test_figures_separate_straights_and_turns():
+    straight, turning = (0.0, 0.0, 100.0, 0.0, 0.0), (1e5, 0.0, 100.0, 0.0, 0.1)
+    truth = [update(0.0)] + [update(100.0 + k, straight, turning) for k in range(4)]
+    found = [tracks()] + [
+        tracks((0.1 * k * NM, 0.0, 100.0, 0.0), (1e5 + 0.4 * k * NM, 0.0, 100.0, 0.0))
+        for k in range(4)
+    ]
+    figures = figures_of(errors_of(truth, found))
+    assert figures["position within 0.25 NM, straight"] == pytest.approx(0.75)
+    assert figures["position within 1 NM, turns"] == pytest.approx(0.75)
+    assert figures["position error, mean"] == pytest.approx((0.6 + 2.4) / 8.0)
+    assert figures["flights with a track"] == 1.0
+    assert figures["heading within 10 deg, straight"] == 1.0
+
+
+def test_goals_are_the_published_results():
+    better = {figure.name: figure.multi_radar for figure in FIGURES}
+    worse = {**better, "position error, mean": 0.07, "position within 0.25 NM, straight": 0.9}
+    goals = goals_of({"filtered": worse, "smoothed": better})
+    reached = {goal["name"]: goal["reached"] for goal in goals}
+    assert len(goals) == 10
+    assert reached["position error, mean, filtered"] is False
+    assert reached["position within 0.25 NM, straight, filtered"] is False
+    assert sum(reached.values()) == 8
+    nothing = dict.fromkeys(better)
+    assert {goal["reached"] for goal in goals_of({"filtered": nothing})} == {None}
+
+
 def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     arguments = ["--minutes", "2", "--out", str(tmp_path), "--seed", "2"]
@@ -219,6 +312,16 @@ def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, caps
     assert list(summary["figures"]) == ["filtered", "smoothed", "plot Kalman"]
     assert summary["figures"]["plot Kalman"]["position error, mean"] < 0.2
     assert len(summary["goals"]) == 10
+
+
+def test_the_speed_is_the_mean_of_speeds_whose_courses_differ():
+    rng = np.random.default_rng(5)
+    # The courses of a target at 200 m/s differ by 15 degrees.
+    course = rng.normal(0.3, np.radians(15.0), 20000)
+    velocities = 200.0 * np.column_stack([np.cos(course), np.sin(course)])
+    mean, covariance = velocities.mean(axis=0)[None], np.cov(velocities.T)[None]
+    assert expected_speed(mean, None)[0] == np.hypot(*mean[0]) < 195.0
+    assert expected_speed(mean, covariance)[0] == pytest.approx(200.0, abs=0.5)
 
 
 def test_conflicts_and_alarms_of_a_single_run_are_scored(tmp_path, capsys, monkeypatch):

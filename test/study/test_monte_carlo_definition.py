@@ -8,8 +8,9 @@ from refusals import faults_of
 
 import studies
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.study import definition
 from phd_jdtc_ros.study import tasks as study_tasks
-from phd_jdtc_ros.study.definition import KINDS, merge_layers
+from phd_jdtc_ros.study.definition import KINDS, Kind, merge_layers
 from phd_jdtc_ros.study.document import resolve
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
@@ -277,6 +278,39 @@ def test_select_lists_every_unknown_name(study):
         "--case: 'loud'",
         "--variant: 'best'",
     ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "path"),
+    [
+        ("phd", "core/phd/particle_filter.py"),
+        ("gaussian", "study/tracker.py"),
+        ("gaussian", "core/gaussian/update.py"),
+        ("gaussian", "study/tasks.py"),
+        ("reference", "study/reference.py"),
+        ("gnn_loud", "study/tasks.py"),
+        ("turning", "study/tracker.py"),
+    ],
+)
+def test_sources_have_what_the_scores_depend_on(kind, path):
+    assert SOURCES / "phd_jdtc_ros" / path in peers.KINDS[kind].sources()
+
+
+def test_peers_have_sources_of_their_own_in_the_repository():
+    own = {SOURCES / "studies" / "peers" / name for name in ("settings.py", "__init__.py")}
+    assert own <= set(peers.KINDS["gnn_loud"].sources())
+    assert not own & set(peers.KINDS["gaussian"].sources())
+    assert "python -m studies monte_carlo" in definition.KINDS["gnn"].missing()
+    assert definition.KINDS["gaussian"].missing() is None
+
+
+def test_code_follows_the_sources_of_a_kind(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "own_tracker.py").write_text("GATE = 3.0\n")
+    kind = Kind("own", lambda *_: None, modules=("own_tracker",))
+    before = definition.code_of.__wrapped__(kind)
+    (tmp_path / "own_tracker.py").write_text("GATE = 4.0\n")
+    assert definition.code_of.__wrapped__(kind) != before
 
 
 def test_sources_have_every_module_that_the_kinds_import():

@@ -164,6 +164,35 @@ def result_of(variant, **values):
     return Result("quiet", variant, (0, 1), Scores((0, 2), ("all",), np.zeros(1), array))
 
 
+def test_result_figures_are_of_runs_and_scans_that_have_them():
+    result = result_of(variant_of("gaussian"), ospa=[[100.0, 50.0], [40.0, 30.0]])
+    np.testing.assert_allclose(result.figure("reduction", 2), [0.5, 0.25])
+    assert result.figure("reduction", 0) is None
+    result = result_of(variant_of("gaussian"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
+    np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
+
+
+def test_result_figures():
+    result = result_of(
+        variant_of("gaussian"),
+        cardinality_abs_error=[[1, 2], [0, 0]],
+        pairs=[[1, 2], [2, 0]],
+        right_class=[[1, 1], [2, 0]],
+    )
+    assert result.figure("cardinality_abs_error", 2).tolist() == [2.0, 0.0]
+    np.testing.assert_array_equal(result.figure("class_accuracy", 2), [0.5, np.nan])
+
+
+def test_result_over_time_is_the_figure_of_each_scan(pair):
+    scores = scored(pair, *[[(0.0, 1)]] * 2, *[[(0.0, 0), (5e3, 0)]] * 9, [])
+    result = Result("", variant_of("gaussian"), (0,), scores._replace(values=scores.values[None]))
+    expected = [[0.0] * 2 + [0.5] * 9 + [np.nan]]
+    np.testing.assert_array_equal(result.over_time("class_accuracy", 0), expected)
+    np.testing.assert_array_equal(
+        result.over_time("cardinality_abs_error", 0), [[0.0] * 11 + [2.0]]
+    )
+
+
 def test_summarise_holds_the_confusion_of_each_class(study, pair):
     corrected = study.variants[0]
     scores = scored(pair, *[[(0.0, 1)]] * 3, *[[(0.0, 0), (5e3, 1), (9e3, 0)]] * 9)
@@ -187,6 +216,11 @@ def test_summarise_judges_goals(study, number, reached):
     ]
     (goal,) = study_results.summarise(study, results, [], [])["goals"]
     assert (goal["value"], goal["goal"], goal["reached"]) == (number, 100.0, reached)
+
+
+def test_summarise_does_not_judge_what_it_does_not_have(study):
+    (goal,) = study_results.summarise(study, [], [], [])["goals"]
+    assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
 
 
 def test_goals_relative_to_another_variant_are_checked_on_the_seeds_of_both(study):

@@ -3,7 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference import resolve
+from scipy.optimize import minimize
 
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -15,13 +17,14 @@ from phd_jdtc_ros.study.reference import (
     birth,
     filter_target,
     known_association,
+    predict,
     smooth,
+    update,
 )
 from phd_jdtc_ros.study.tracker import SimulatedRun, simulated_run
 
 RADARS = resolve({}).model.radars
-
-
+RADAR = RADARS[1]
 MODEL = ConstantVelocity(1.0)
 POSITION = [0, 2]
 SUPPORT = np.ix_(MODEL.support, MODEL.support)
@@ -91,6 +94,46 @@ def filtered_toy(rng, scans):
             information[part, part] += step.T @ np.linalg.solve(noise, step)
     covariance = np.linalg.inv(information)
     return steps, (covariance @ vector).reshape(-1, 2), covariance
+
+
+def test_birth_and_prediction_are_linear_gaussian():
+    before = prior_at(50.0, -20.0)
+    moving = np.array([[1, 3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]])
+    found, _ = predict(replace(before, mean=np.array([50.0, 7.0, -20.0, 2.0, 0.0])), MODEL, 3.0)
+    np.testing.assert_allclose(found.mean, [71.0, 7.0, -14.0, 2.0, 0.0])
+    expected = moving @ before.covariance[SUPPORT] @ moving.T + MODEL.noise_covariance(3.0)
+    np.testing.assert_allclose(found.covariance[SUPPORT], expected)
+    assert not found.covariance[4].any()
+    found = birth(np.array([3.0, -4.0]), MODEL, 200.0, 40.0)
+    np.testing.assert_array_equal(found.mean, [3.0, 0.0, -4.0, 0.0, 0.0])
+    np.testing.assert_array_equal(found.covariance, np.diag([4e4, 1600.0, 4e4, 1600.0, 0.0]))
+
+
+def test_update_near_the_radar_finds_the_most_probable_state():
+    prior, _ = predict(prior_at(1200.0, 900.0), MODEL, 6.0)
+    measurement = np.array([1800.0, 0.4])
+    found = update(prior, RADAR, measurement, iterations=50)
+
+    def cost(mean):
+        error = measurement - RADAR.measure(np.insert(mean, 4, 0.0)[None])[0]
+        error[1] = wrap_angle(error[1])
+        away = mean - prior.mean[:4]
+        return np.sum((error / RADAR.noise_std) ** 2) + away @ np.linalg.solve(
+            prior.covariance[SUPPORT], away
+        )
+
+    best = minimize(cost, prior.mean[:4], method="BFGS")
+    np.testing.assert_allclose(found.mean[:4], best.x, atol=0.1)
+    one = update(prior, RADAR, measurement, iterations=1)
+    assert cost(found.mean[:4]) < cost(one.mean[:4])
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_update_wraps_the_azimuth(side):
+    prior = prior_at(-8e3, side * 40.0)
+    found = update(prior, RADAR, np.array([8e3, -side * (np.pi - 0.005)]))
+    assert abs(found.mean[2]) < 40.0
+    assert found.mean[0] == pytest.approx(-8e3, abs=20.0)
 
 
 @pytest.mark.parametrize("scans", [1, 2, 7])

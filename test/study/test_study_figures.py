@@ -1,3 +1,4 @@
+import math
 import re
 import struct
 from dataclasses import replace
@@ -8,9 +9,9 @@ import pytest
 from phd_jdtc_ros.report import style
 from phd_jdtc_ros.study import figures
 from phd_jdtc_ros.study.definition import KINDS, Study, Variant
-from phd_jdtc_ros.study.figures import markdown, tables, write_all
+from phd_jdtc_ros.study.figures import band, markdown, tables, write_all
 from phd_jdtc_ros.study.metrics import VALUES
-from phd_jdtc_ros.study.results import Result, summarise
+from phd_jdtc_ros.study.results import Mean, Result, summarise
 from phd_jdtc_ros.study.tasks import Scores
 
 SCANS = 6
@@ -85,6 +86,25 @@ def test_write_all_has_a_directory_for_each_case_and_no_time_without_our_tracker
     pictures = write_all([peer, replace(peer, case="clutter 20")], tmp_path)
     assert names(pictures) == {"ospa_against_lag"}
     assert {path.name for path in tmp_path.iterdir()} == {"quiet", "clutter_20"}
+
+
+def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
+    results = everything()
+    filtered, smoothed = figures.ospa_over_time(results).axes[-1].lines
+    for line, lag in ((filtered, 0), (smoothed, 5)):
+        mean = results[0].value("ospa", lag).mean(axis=0)
+        np.testing.assert_allclose(line.get_ydata(), mean)
+
+
+def test_band_is_the_interval_of_the_mean():
+    runs = np.random.default_rng(0).normal(size=(5, 3))
+    runs[0, 0] = math.nan
+    runs[1:, 1] = math.nan
+    mean, half_width = band(runs)
+    for column in (0, 2):
+        expected = Mean.of(runs[:, column])
+        assert (mean[column], half_width[column]) == pytest.approx(tuple(expected))
+    assert (mean[1], half_width[1]) == (runs[0, 1], 0.0)
 
 
 def test_markdown_has_a_row_for_each_variant():

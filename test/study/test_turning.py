@@ -19,7 +19,7 @@ from phd_jdtc_ros.study.tasks import perform
 from phd_jdtc_ros.study.tracker import revolution_ends, track_turning, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 from studies import peers
-from studies.peers.plot_kalman import Settings, follow
+from studies.peers.plot_kalman import Settings, follow, plot_kalman
 
 PARAMETERS = {
     "sensors": ["approach"],
@@ -125,6 +125,35 @@ def test_the_peer_follows_targets_through_turns_misses_and_clutter():
             for t, p in list(zip(run.truth, points, strict=True))[6:]
         ]
         assert len(set(nearest)) == 1
+
+
+def test_the_peer_confirms_a_track_with_its_third_plot_and_ends_it_after_missed_revolutions():
+    short = Flight(0, 1e3, 8.0, (-10e3, 20e3), (200.0, 0.0), (Leg(40.0),))
+    quiet = {"approach.clutter_rate": 0.0, "approach.detection_probability": 0.999}
+    _, points = followed(*scene(short, **quiet))
+    numbers = [len(p) for p in points]
+    # Passed in the third to the twelfth revolution, and reported for three more.
+    assert numbers == [0] * 4 + [1] * 11 + [0] * 10
+
+
+def test_the_peer_reports_nothing_of_clutter_or_without_plots():
+    _, points = followed(*scene(seconds=200))
+    assert sum(len(p) for p in points) <= 5
+    found, _ = scene(seconds=12, **{"approach.clutter_rate": 0.0})
+    run = turning_run(found, 0)
+    tracked = plot_kalman(run, {**PARAMETERS, "approach.clutter_rate": 0.0}, [0, 5])
+    assert [len(points) for points in tracked.tracks[5]] == [0, 0, 0]
+    assert tracked.tracks[0] is tracked.tracks[5]
+
+
+def test_the_peer_takes_plots_of_several_radars():
+    of_first = {k.partition(".")[2]: v for k, v in PARAMETERS.items() if "approach." in k}
+    changes = {f"second.{name}": value for name, value in of_first.items()}
+    changes |= {"second.rotation_s": 4.8, "second.position": [5e3, 5e3]}
+    found, inputs = scene(EAST, TURNING, sensors=["approach", "second"], **changes)
+    one = far_off(*followed(*scene(EAST, TURNING)))
+    two = far_off(*followed(found, inputs))
+    assert np.sqrt((two**2).mean()) < np.sqrt((one**2).mean())
 
 
 # --- in a Monte Carlo study -----------------------------------------------------------------------

@@ -76,3 +76,18 @@ def test_ships_with_ais_are_one_track_with_both(processes, peer, tmp_path):
     away = np.hypot(*(place[row, None] - true.position).transpose(2, 0, 1)).min(axis=1)
     assert away.max() < 50.0  # The radar's errors are 35 m across.
     assert np.sqrt(np.mean(away**2)) < 20.0
+
+
+def test_reports_alone_are_tracks(processes, peer, tmp_path):
+    site = Site(processes, peer)
+    given = {name: value for name, value in GIVEN.items() if name != "mast"} | {"sensors": ["ais"]}
+    _, found, _ = started(processes, peer, tmp_path, given, {AIS: PointCloud2})
+    for turn in range(TURNS):
+        site.send_until(1000.0 + TURN_S * (turn + 1))
+    # In an interval without reports no time passes.
+    assert peer.spin_until(lambda: len(found) > TURNS // 2), len(found)
+    last = estimates.from_msg(found[-1])
+    assert last.reports.alone.all()
+    assert len(set(last.reports.address.tolist())) >= 6
+    assert (last.reports.heard_ns > last.stamp_ns - 60 * 10**9).all()
+    assert len(set(last.track_id.tolist())) == len(last)
