@@ -6,7 +6,8 @@ one, by what it needs; the last ones were reports of ships and aircraft, and the
 and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
 replays too, the live picture, the trackers that share a track, the parameters of receivers of
 reports, which are listed now, the areas of clouds, climb rates and moving platforms in space,
-trackers of self-reports alone, and biases of radars that reports show.
+trackers of self-reports alone, biases of radars that reports show, polygons for the areas of clouds,
+and more kinds of damaged and foreign recordings that are named.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
@@ -45,8 +46,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 77_881,
-    "files of the product": 418,
+    "lines of the product": 78_391,
+    "files of the product": 419,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 11.9,
     f"functions with {MANY} parameters or more": 1,
