@@ -251,7 +251,9 @@ class Evaluator(RunnableNode):
         if not self._warned_unmatched and (text := self._received.mismatch(self._evaluation)):
             self._warned_unmatched = True
             self.get_logger().warning(text)
-        if self._completion.is_reached(time.monotonic()):
+        recorder, topic = self._recorder, self._scores.topic_name
+        recorded = 0 if recorder is None else recorder.written[topic]
+        if self._completion.is_reached(time.monotonic(), recorded):
             self.exit_status = OK
 
 

@@ -4,6 +4,7 @@ import os
 import resource
 import signal
 
+import numpy as np
 import pytest
 from live_radars import options
 from rclpy.exceptions import InvalidTopicNameException
@@ -14,7 +15,10 @@ from msg_adapters.encoding import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.recorder import Recorder, watch_inputs
+from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.evaluation.run_scores import Evaluation
+from phd_jdtc_ros.nodes.recorder import Completion, Recorder, watch_inputs
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 STRING = "std_msgs/msg/String"
@@ -34,6 +38,20 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
     bag = BagReader(tmp_path / "bag")
     assert bag.counts["/note"] == 5
     assert [b"note %d" % k in m.data for k, m in enumerate(bag.messages(["/note"]))] == [True] * 5
+
+
+def test_a_recording_ends_after_its_last_score_and_not_before():
+    evaluation = Evaluation(classes=1, cutoff=1000.0, order=2.0)
+    completion = Completion(evaluation, wanted=1)
+    assert not completion.is_reached(0.0, 0)
+    one = PointSet(np.zeros((1, 2)), np.zeros(1, dtype=int))
+    evaluation.add_truth(0, one)
+    for source in SOURCES:
+        evaluation.add_estimates(source, 0, one)
+    # On a busy machine the two scores of the scan are recorded late, and one after the other.
+    times = np.array([0.0, 0.4, 0.6, 0.8, 1.2, 1.4])
+    reached = [completion.is_reached(*each) for each in zip(times, [0, 1, 1, 2, 2, 2], strict=True)]
+    assert reached == [False, False, False, False, False, True]
 
 
 def test_recorder_receives_drivers_that_offer_best_effort_alone(peer, tmp_path):
