@@ -6,8 +6,8 @@ one, by what it needs; the last ones were reports of ships and aircraft, and the
 and tilted arrays in space, the law of clutter over range, conflicts and zones, manual work, in
 replays too, the live picture, the trackers that share a track, the parameters of receivers of
 reports, which are listed now, the areas of clouds, climb rates and moving platforms in space,
-trackers of self-reports alone, biases of radars that reports show, polygons for the areas of clouds,
-and more kinds of damaged and foreign recordings that are named.
+trackers of self-reports alone, biases of radars that reports show, polygons for the areas of
+clouds, and more kinds of damaged and foreign recordings that are named.
 
 A scan's path is traced by a profiler while one scan of two radars passes `Tracker.update`. A move
 is a step from one file of the project to another, and a return is a move to a file that the scan
