@@ -27,24 +27,24 @@ def missed_and_spread(
     The probability depends on the target's class, and on its density at the sensors' poses at the
     scan: what of it is outside the coverage is not missed, and nothing is if most of it is outside.
     The spread is the geometric mean, over the components of a measurement, of the density's
-    standard deviation in standard deviations of the noise; it is that by the sensor for which it is
-    smallest, NaN without any. `views` has what is expected of each sensor of the model.
+    standard deviation in standard deviations of the noise. It is that by the sensor for which it is
+    smallest, in the scan or not: a lidar that reports other places makes no radar's track wide.
     """
     missed = np.ones(len(estimates))
     spread = missed * np.nan
     for view, report in zip(views, scan.detections, strict=True):
-        if report is None:
-            continue
-        sensor = view.sensor.at(report.pose)
+        sensor = view.sensor if report is None else view.sensor.at(report.pose)
         gaussians = estimates.state[:, None], estimates.covariance[:, None]
         expected = sensor.of_gaussians.expected(*gaussians)
         measured, std = expected.measured[:, 0], expected.std[:, 0]
+        area = np.multiply.reduce(std / sensor.noise_std, axis=1)
+        spread = np.fmin(spread, area ** (1.0 / len(sensor.noise_std)))
+        if report is None:
+            continue
         detected = sensor.visibility.detection_probability(measured, std)
         if detected is None:
             detected = of_classes(sensor.threshold, model.modes.classes)[estimates.class_id]
         detected = view.detection_probability_at(detected, measured)
-        area = np.multiply.reduce(std / sensor.noise_std, axis=1)
-        spread = np.fmin(spread, area ** (1.0 / len(sensor.noise_std)))
         covered = sensor.visibility.coverage_probability(
             measured, report.coverage, sensor.noise_std, std
         )

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from track_inputs import MODEL, SHARP, beyond, missed_by, scan_of, spread_by
+from track_inputs import MODEL, SHARP, beyond, estimates_of, missed_by, scan_of, spread_by, views_of
 
+from phd_jdtc_ros.core.tracks.coverage import missed_and_spread
 from phd_jdtc_ros.core.types import Coverage, Detections, Pose, Scan
 
 # Probability that both radars miss a target of the second class.
@@ -35,6 +36,19 @@ def test_missed_counts_radars_that_reported_where_they_were():
     assert missed_by(replace_report(1, away)) == one
     near = replace(away, pose=Pose((5e3, 100.0), 0.0))
     assert missed_by(replace_report(1, near)) < one
+
+
+def test_a_precise_sensor_that_sees_another_place_makes_no_track_wide():
+    coarse, other = MODEL.radars
+    near = replace(other.visibility, max_range=100.0)
+    precise = replace(other, range_std=0.01 * other.range_std, visibility=near)
+    model = replace(MODEL, radars=(coarse, precise))
+    found = estimates_of(0, {1: 1.0}).changed(covariance=np.array([SHARP]))
+    _, resolved = missed_and_spread(found, scan_of(0), MODEL, views_of(MODEL))
+    alone = replace_report(0, None)
+    missed, spread = missed_and_spread(found, alone, model, views_of(model))
+    assert missed == 1.0
+    assert spread == pytest.approx(resolved, rel=0.5)
 
 
 def replace_report(index, report):
