@@ -90,9 +90,8 @@ class RegistrationMonitor:
 
     def add(self, compared: Compared) -> None:
         """Compare a report with the tracks that are not tentative and have a number."""
-        index, radar, found, tracks = (
-            compared.sensor_index, compared.sensor, compared.detections, compared.tracks,
-        )  # fmt: skip
+        index, tracks = compared.sensor_index, compared.tracks
+        radar, found = compared.sensor, compared.detections
         alive = set(tracks.track_id.tolist())
         self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
         (rows,) = ((tracks.track_state != TENTATIVE) & (tracks.track_id > 0)).nonzero()
