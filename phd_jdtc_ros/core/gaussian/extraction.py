@@ -7,9 +7,16 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import SIZE, BySize, Float2, Float3, Int1, compiled
 from ..types import CONFIRMED, Estimates
-from .algebra.blocks import add_mean, add_spread, divergence, factorise, square_distance
+from .algebra.blocks import (
+    add,
+    add_mean,
+    add_spread,
+    divergence,
+    factorise,
+    square_distance,
+    total_of,
+)
 from .algebra.kalman import floor_eigenvalues, is_positive
-from .algebra.vectors import add, total_of
 from .dynamics import Dynamics
 from .mixture import Gaussians, Hypotheses, Mixture
 

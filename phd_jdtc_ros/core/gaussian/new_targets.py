@@ -9,9 +9,8 @@ import numpy as np
 
 from ..compilation import SIZE, BySize, Float2, Float3, Float4, Int1, Writeable, compiled, in_place
 from ..tracks import track_numbers
-from .algebra.blocks import add_mean, add_spread
+from .algebra.blocks import add_mean, add_spread, total_of
 from .algebra.curvature import Moved, move, new_moved
-from .algebra.vectors import total_of
 from .dynamics import Dynamics, Motion, Spawned
 from .mixture import Hypotheses, Mixture
 from .prediction import AgedMixture

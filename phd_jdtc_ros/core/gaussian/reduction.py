@@ -13,9 +13,16 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..compilation import SIZE, Bool1, BySize, Float3, Float4, Int1, compiled, inner
 from ..snapshot import floats, integers
-from .algebra.blocks import add_mean, add_spread, divergence, factorise, square_distance
+from .algebra.blocks import (
+    add,
+    add_mean,
+    add_spread,
+    divergence,
+    factorise,
+    square_distance,
+    total_of,
+)
 from .algebra.kalman import floor_eigenvalues, is_positive
-from .algebra.vectors import add, total_of
 from .bounds import Bounds
 from .mixture import Hypotheses, Mixture
 

@@ -10,8 +10,8 @@ The path of one scan, with the paper's step and the module of each::
       |  correct, radar by radar              Step 2   correction, gaussian_mixture
       |  resample, or merge and prune         Step 3   resampling, gaussian_mixture
     stored intensity t+1
-      |  link to the intensity t              Step 4   kernel, gaussian_smoothing
-      |  backward over the lag window         Step 4   smoothing, gaussian_smoothing
+      |  link to the intensity t              Step 4   kernel, gaussian_filter
+      |  backward over the lag window         Step 4   smoothing, gaussian_filter
     smoothed intensities
       |  extract targets                      Step 6   extraction
     Estimates                                          engine

@@ -1,4 +1,4 @@
-"""Compiled operations on one Gaussian.
+"""Compiled operations on one Gaussian, and at the end on vectors of any size.
 
 Results go into arrays that are passed last, so that nothing is allocated in a loop. The compiler
 leaves out what is only for states in space where `SIZE` is that of the plane.
@@ -219,3 +219,37 @@ def add_spread(
             total[Z] += share * row[Z] + deviation * z
             total[VZ] += share * row[VZ] + deviation * vz
         total[0], total[1], total[2], total[3], total[4] = first, second, third, fourth, fifth
+
+
+@inner
+def total_of(vector: FloatArray) -> float:
+    """Return the sum of a vector, entry by entry."""
+    total = 0.0
+    for i in range(len(vector)):
+        total += vector[i]
+    return total
+
+
+@inner
+def add(vector: FloatArray, total: FloatArray) -> None:
+    """Add a vector to another one."""
+    for i in range(len(vector)):
+        total[i] += vector[i]
+
+
+@inner
+def product(left: FloatArray, right: FloatArray) -> float:
+    """Return the product of two vectors."""
+    total = 0.0
+    for i in range(len(left)):
+        total += left[i] * right[i]
+    return total
+
+
+@inner
+def sum_of(matrix: FloatArray) -> float:
+    """Return the sum of a matrix, row by row."""
+    total = 0.0
+    for i in range(len(matrix)):
+        total += total_of(matrix[i])
+    return total

@@ -20,7 +20,7 @@ from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman
-from .vectors import product
+from .blocks import product
 
 # Sine of the angle from the zenith below which a line of sight has no direction across it.
 LEAST_LEVEL = 1e-6

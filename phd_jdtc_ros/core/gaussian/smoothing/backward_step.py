@@ -23,6 +23,7 @@ from ...compilation import (
 )
 from ...state_space import VZ, Z
 from ..algebra.blocks import (
+    add,
     add_mean,
     add_spread,
     check_matrices,
@@ -33,8 +34,8 @@ from ..algebra.blocks import (
     log_determinant,
     square_distance,
     times,
+    total_of,
 )
-from ..algebra.vectors import add, total_of
 from ..dynamics import ModePairs
 from ..mixture import Gaussians
 from .updates import BEFORE, EDGE, PREDICTED, ROW, Updates

@@ -9,7 +9,7 @@ import numpy as np
 from ...arrays import BoolArray, FloatArray, IntArray
 from ...bisection import count_below
 from ...compilation import Float2, Float3, Int1, Int2, compiled, inner
-from ..algebra.vectors import total_of
+from ..algebra.blocks import total_of
 
 # Columns of the U updates of single targets, oldest first, (U, COLUMNS): the stamp, the label, and
 # the number of the update that each continues, -1 for none. Then the first row and the end, among

@@ -18,8 +18,8 @@ from phd_jdtc_ros.core.gaussian.measurement.amplitude import (
     snr_after,
 )
 from phd_jdtc_ros.core.gaussian.measurement.missed import after_miss
+from phd_jdtc_ros.core.gaussian.measurement.pair_association import most_probable
 from phd_jdtc_ros.core.gaussian.measurement.pairs import PairLikelihoods
-from phd_jdtc_ros.core.gaussian.measurement.pruning import most_probable
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.sensors.of_gaussians import polar
 from phd_jdtc_ros.core.sensors.of_gaussians.linearised import GATE_SIGMA
