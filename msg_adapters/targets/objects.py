@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from ..encoding import interfaces, names, stamps
 from . import vertical
-from .tracks import UNKNOWN_VARIANCE, pose_and_twist, pose_of
+from .tracks import UNKNOWN_VARIANCE, identifier, pose_and_twist, pose_of
 
 # The numbers of kinds in ``autoware_perception_msgs/ObjectClassification``, and in
 # ``derived_object_msgs/Object``.
@@ -34,12 +34,6 @@ DERIVED = {
 # Availability of the orientation: that of the velocity is known with its sign.
 AVAILABLE, TRACKED = 2, 1
 Classes = Callable[[str], Any]
-
-
-def _identifier(estimates: Estimates, row: int, run: uuid.UUID) -> Any:
-    label = int(estimates.track_id[row])
-    name = str(label) if label else f"{estimates.stamp_ns} {row}"
-    return np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
 
 
 def to_tracked_objects(
@@ -57,7 +51,7 @@ def to_tracked_objects(
     up = vertical.of(estimates)
     for row in range(len(estimates)):
         one = message_class("autoware_perception_msgs/msg/TrackedObject")()
-        one.object_id.uuid = _identifier(estimates, row, run)
+        one.object_id.uuid = identifier(estimates, row, run)
         one.existence_probability = min(float(estimates.existence[row]), 1.0)
         for name, share in zip(class_names, estimates.class_probability[row].tolist(), strict=True):
             kind = message_class("autoware_perception_msgs/msg/ObjectClassification")()
@@ -87,7 +81,7 @@ def to_obstacles(
     up = vertical.of(estimates)
     for row, state in enumerate(estimates.state.tolist()):
         one = message_class("nav2_dynamic_msgs/msg/Obstacle")()
-        one.uuid.uuid = _identifier(estimates, row, run)
+        one.uuid.uuid = identifier(estimates, row, run)
         one.score = min(float(estimates.existence[row]), 1.0)
         one.position = Point(x=state[X], y=state[Y], z=float(up.state[row, 0]))
         one.velocity = Vector3(x=state[VX], y=state[VY], z=float(up.state[row, 1]))

@@ -221,6 +221,13 @@ def to_detections_3d(
     return message
 
 
+def identifier(estimates: Estimates, row: int, run: uuid.UUID) -> Any:
+    """Return the UUID of an estimate, 16 bytes: that of its track in a run, else one of its own."""
+    label = int(estimates.track_id[row])
+    name = str(label) if label else f"{estimates.stamp_ns} {row}"
+    return np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+
+
 def to_radar_tracks(
     estimates: Estimates,
     frame: str,
@@ -237,12 +244,11 @@ def to_radar_tracks(
     """
     message = message_class(names.RADAR_TRACKS)(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)
-    for row, label in enumerate(estimates.track_id.tolist()):
+    for row in range(len(estimates)):
         state, covariance = estimates.state[row].tolist(), estimates.covariance[row]
         height, climb = map(float, up.state[row])
-        name = str(label) if label else f"{estimates.stamp_ns} {row}"
         track = message_class("radar_msgs/msg/RadarTrack")()
-        track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+        track.uuid.uuid = identifier(estimates, row, run)
         track.position = Point(x=state[X], y=state[Y], z=height)
         track.velocity = Vector3(x=state[VX], y=state[VY], z=climb)
         # First number that the message's definition reserves for a user's own classifications.

@@ -288,13 +288,9 @@ def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | N
     """Return the targets at a time, given the state of each; None for those that do not exist."""
     alive = [(row, state) for row, state in enumerate(states) if state is not None]
     height = None
-    if scenario.transponders is not None:
+    if scenario.transponders is not None or any(r.space.vertical for r in scenario.radars):
         now = np.array([elapsed_s])
-        heights = [scenario.replies_of[row + 1].height(now)[0] for row, _ in alive]
-        height = np.reshape(heights, (-1, 2))
-    elif any(radar.space.vertical for radar in scenario.radars):
-        now = np.array([elapsed_s])
-        height = np.reshape([scenario.flights[row].heights(now)[0] for row, _ in alive], (-1, 2))
+        height = np.reshape([scenario.heights(row + 1, now)[0] for row, _ in alive], (-1, 2))
     return Truth(
         stamp_ns=scenario.ns_after(elapsed_s),
         state=np.reshape([state for _, state in alive], (-1, len(NOISE_FREE.space))),

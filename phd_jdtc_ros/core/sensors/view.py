@@ -18,7 +18,7 @@ from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections
-from .gaussians import Heights, PlanePlots
+from .gaussians import Heights
 from .range_rate import Rates, Velocities
 from .sensor import Sensor
 
@@ -234,11 +234,6 @@ class View(ReadOnly):
         """Standard deviations of the sensor, (M, Z); NaN where a detection has its own."""
         reported_std, std = self.detections.noise_std, self.detection_std
         return std if reported_std is None else np.where(np.isfinite(reported_std), np.nan, std)
-
-    @cached_property
-    def in_plane(self) -> PlanePlots:
-        """The detections in the world frame, at their own times."""
-        return self.sensor.in_plane(self.detections)
 
     @cached_property
     def position(self) -> FloatArray:

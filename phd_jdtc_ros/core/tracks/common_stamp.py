@@ -180,34 +180,6 @@ def _interpolated(
     return _Columns(state, covariance, weight, probability)
 
 
-def at_stamp(
-    estimates: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
-) -> Estimates:
-    """Return the targets at a stamp, given estimates at the times of their updates.
-
-    The estimates include unreported targets, and a target may have several, at different times. It
-    is interpolated between its last update up to the stamp and its first update after it, or
-    predicted without a later one, and is reported if its existence probability is above the
-    threshold.
-    """
-    order = np.lexsort((time_ns, estimates.track_id))
-    order = order[estimates.track_id[order] != 0]
-    track, past = estimates.track_id[order], time_ns[order] <= stamp_ns
-    last = np.flatnonzero(
-        past & np.append((track[1:] != track[:-1]) | ~past[1:], True)[: len(past)]
-    )
-    row = order[last]
-    following = np.minimum(last + 1, len(order) - 1)
-    has_later = (last + 1 < len(order)) & (track[following] == track[last])
-    before, alone = row[has_later], row[~has_later]
-    after = order[following[has_later]]
-    # Estimates without labels cannot be followed: those of the last scan are used.
-    unlabelled = (estimates.track_id == 0) & (time_ns <= stamp_ns)
-    latest = time_ns[unlabelled].max(initial=0)
-    alone = np.append(alone, np.flatnonzero(unlabelled & (time_ns == latest)))
-    return between(estimates, time_ns, before, after, alone, stamp_ns, threshold, modes)
-
-
 def between(
     estimates: Estimates,
     time_ns: IntArray,

@@ -10,7 +10,7 @@ from scenes import seen_with, small
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
-from phd_jdtc_ros.core.tracks.common_stamp import Schedule, at_stamp, interpolate, predict
+from phd_jdtc_ros.core.tracks.common_stamp import Schedule, between, interpolate, predict
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import Estimates
 
@@ -45,7 +45,7 @@ def predicted_from(found, stamp_ns):
     return predict(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
 
 
-def between(before, after, stamp_ns):
+def interpolated(before, after, stamp_ns):
     times = tuple(np.full(len(part), part.stamp_ns) for part in (before, after))
     return interpolate(before, after, times, stamp_ns)
 
@@ -103,7 +103,7 @@ def test_predicted_jacobian_is_that_of_a_straight_line_without_a_turn():
 def test_interpolated_is_on_the_path_between(turn_rate):
     before = estimates(10.0, [1, 2], np.array([[0.0, 200.0, 50.0, 10.0, turn_rate]] * 2))
     after = moved(before, 4.0)
-    found = between(before, after, 11 * SECOND)
+    found = interpolated(before, after, 11 * SECOND)
     expected = moved(before, 1.0)
     # A cubic is off by the fourth derivative: v w^3 T^4 / 384.
     np.testing.assert_allclose(found.position, expected.position, atol=0.01)
@@ -114,36 +114,25 @@ def test_interpolated_at_either_end_is_that_end():
     before = estimates(10.0, [1])
     after = replace(moved(before, 4.0), weight=np.array([0.5]))
     for end in (before, after):
-        found = between(before, after, end.stamp_ns)
+        found = interpolated(before, after, end.stamp_ns)
         np.testing.assert_allclose(found.state, end.state, atol=1e-9)
         np.testing.assert_allclose(found.weight, end.weight)
 
 
-def test_at_stamp_takes_updates_around_it_and_unlabelled_targets():
+def test_between_predicts_what_has_no_later_update_and_keeps_the_lag():
     first, second = estimates(10.0, [3, 5]), moved(estimates(10.0, [5]), 4.0)
-    found = at_stamp(*Estimates.concatenate([first, second], 2), 12 * SECOND, 0.5, MODES)
-    assert found.track_id.tolist() == [3, 5]
+    update = *Estimates.concatenate([first, second], 2), slice(1, 2), slice(2, 3)
+    found = between(*update, slice(1), 12 * SECOND, 0.5, MODES)
+    assert (found.track_id.tolist(), found.stamp_ns, found.lag) == ([3, 5], 12 * SECOND, 2)
     np.testing.assert_allclose(found.position, moved(first, 2.0).position, atol=1e-6)
-    assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
     # The predicted covariance has grown, and the interpolated one has not.
     assert found.covariance[0, 0, 0] > found.covariance[1, 0, 0]
-    parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
-    assert at_stamp(
-        *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES
-    ).track_id.tolist() == [1]
-    parts = [estimates(9.0, [0, 0, 0]), estimates(10.0, [0, 0]), estimates(14.0, [0])]
-    assert at_stamp(
-        *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES
-    ).track_id.tolist() == [0, 0]
+    assert len(between(*update, slice(1), 12 * SECOND, 0.95, MODES)) == 0
 
 
-@pytest.mark.parametrize("parts", [[], [estimates(10.0, [])]])
-def test_at_stamp_without_targets_has_all_columns(parts):
-    found = (
-        at_stamp(*Estimates.concatenate(parts, 1), 12 * SECOND, 0.5, MODES)
-        if parts
-        else Estimates.empty(12 * SECOND, 1, len(MODES.classes))
-    )
+def test_between_no_updates_has_all_columns():
+    empty = *Estimates.concatenate([estimates(10.0, [])], 1), *[slice(0)] * 3
+    found = between(*empty, 12 * SECOND, 0.5, MODES)
     assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
 
 
