@@ -7,7 +7,7 @@ dark. Only classes and amplitudes have fixed colours.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -348,45 +348,32 @@ def source_of(record: Record) -> str:
 
 def height_lines(record: Record) -> list[HeightLine]:
     """Return the tracks whose heights are known."""
-    rows: dict[int, list[tuple[int, int, float, float, float]]] = {}
-    for found in record.of_source(source_of(record)):
-        columns = zip(
-            found.track_id.tolist(),
-            found.class_id.tolist(),
-            found.position.tolist(),
-            found.known_attributes.height[:, 0].tolist(),
-            strict=True,
-        )
-        for track, class_id, (x, y), height in columns:
-            if not track:  # It has no label
-                continue
-            rows.setdefault(track, []).append((found.stamp_ns, class_id, x, y, height))
-    return [*_height_lines(rows)]
+    # An estimate without a label is of no track.
+    sets = (found.select(found.track_id != 0) for found in record.of_source(source_of(record)))
+    return _height_lines((found, found.known_attributes.height) for found in sets)
 
 
 def true_height_lines(record: Record) -> list[HeightLine]:
     """Return the true targets whose heights are known."""
+    known = ((truth, truth.height) for truth in record.truth)
+    return _height_lines((truth, height) for truth, height in known if height is not None)
+
+
+def _height_lines(sets: Iterable[tuple[Estimates | Truth, FloatArray]]) -> list[HeightLine]:
     rows: dict[int, list[tuple[int, int, float, float, float]]] = {}
-    for truth in record.truth:
-        if truth.height is None:
-            continue
-        places, heights = truth.position.tolist(), truth.height[:, 0].tolist()
-        numbers = truth.track_id.tolist(), truth.class_id.tolist()
-        for track, class_id, (x, y), height in zip(*numbers, places, heights, strict=True):
-            rows.setdefault(track, []).append((truth.stamp_ns, class_id, x, y, height))
-    return [*_height_lines(rows)]
-
-
-def _height_lines(
-    rows: dict[int, list[tuple[int, int, float, float, float]]],
-) -> Iterator[HeightLine]:
+    for found, heights in sets:
+        columns = found.track_id, found.class_id, found.position, heights[:, 0]
+        for track, class_id, (x, y), height in zip(*(c.tolist() for c in columns), strict=True):
+            rows.setdefault(track, []).append((found.stamp_ns, class_id, x, y, height))
+    lines = []
     for own in rows.values():
         # A line of more points is thinned, to keep the file small.
         kept = own[:: -(-len(own) // 400)]
-        stamps, classes, *columns = zip(*kept, strict=True)
-        x, y, height = np.array(columns)
+        stamps, classes, *values = zip(*kept, strict=True)
+        x, y, height = np.array(values)
         if np.isfinite(height).any():
-            yield HeightLine(int(classes[-1]), [*stamps], np.stack([x, y], axis=1), height)
+            lines.append(HeightLine(classes[-1], [*stamps], np.stack([x, y], axis=1), height))
+    return lines
 
 
 def heights_over_time(record: Record, tracks: list[HeightLine]) -> Chart:
