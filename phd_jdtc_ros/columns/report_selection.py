@@ -13,10 +13,12 @@ from phd_jdtc_ros.configuration.parameters.reports import ReportsParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.snapshot import MAX_STAMP_NS
 from phd_jdtc_ros.core.types import UNKNOWN, SelfReports
-from phd_jdtc_ros.core.types.reports import NAME_SIZE, OTHER, SPACES
+from phd_jdtc_ros.core.types.reports import NAME_SIZE, OTHER, SPACES, is_of
 
 # Types and accuracies that mean that they are unknown.
 NO_TYPE, NO_ACCURACY = 0, 255
+# What no radar of ships has as a track, whatever type its message has.
+NO_CRAFT = "coast_station", "aircraft", "aid_to_navigation"
 
 PLACES = ("latitude", "longitude"), ("x", "y")
 # The columns of numbers that reports may have, with the time.
@@ -67,8 +69,10 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
     address = floats("address")
     unnamed = np.isnan(address) | (address == no_address)
     sound = unnamed | ((address > 0) & (address < no_address) & (address % 1 == 0))
-    kept = np.flatnonzero(has_place & has_time & sound)
-    reasons = ("place", ~has_place), ("time", has_place & ~has_time), ("address", ~sound)
+    space, usable = _space(floats("space"), own), has_place & has_time & sound
+    others = [(name, usable & is_of(name, address, space)) for name in NO_CRAFT]
+    kept = np.flatnonzero(usable & ~np.any([mask for _, mask in others], axis=0))
+    reasons = ("place", ~has_place), ("time", has_place & ~has_time), ("address", ~sound), *others
     dropped = +Counter({reason: int(np.count_nonzero(mask)) for reason, mask in reasons})
     time_ns = np.rint(np.where(has_time, time_s, 0.0) * 1e9).astype(np.int64)
     if "time" not in columns and stamp_ns is not None:
@@ -81,7 +85,7 @@ def select(stamp_ns: int | None, own: ReportsParameters, columns: Columns) -> To
         heading=_direction(floats("heading"), north)[kept],
         height=floats("height")[kept] - (own.plane.origin[2] if own.plane is not None else 0.0),
         address=np.where(unnamed, UNKNOWN, np.where(sound, address, 0.0)).astype(np.int64)[kept],
-        space=_space(floats("space"), own)[kept],
+        space=space[kept],
         type=_small(floats("type"), NO_TYPE)[kept],
         name=_names(columns.get("name"), count)[kept],
         accurate=_small(floats("accurate"), NO_ACCURACY)[kept],

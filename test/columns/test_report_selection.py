@@ -51,6 +51,18 @@ def test_select_drops_what_has_no_place_time_or_address_and_counts_it():
     assert found.dropped == {"place": 3, "address": 2, "time": 1}
 
 
+def test_select_leaves_out_what_is_no_craft_by_its_mmsi_and_counts_it():
+    coast, aircraft, aid = 2_110_001, 111_211_001, 992_111_001
+    ship, group, tender, handheld, beacon = 211_000_001, 21_100_001, 982_110_001, 821_100_001, 972e6
+    wrongly_set = 111_111_111, 123_456_789, 999_999_999, 3
+    craft = [ship, group, tender, handheld, beacon, *wrongly_set]
+    found = told(address=[coast, aircraft, aid, *craft], space=[MMSI] * (3 + len(craft)))
+    assert found.reports.address.tolist() == craft
+    assert found.dropped == {"coast_station": 1, "aircraft": 1, "aid_to_navigation": 1}
+    # The same number of another network is the address of an aircraft.
+    assert told(address=[coast], space=[ICAO]).reports.address.tolist() == [coast]
+
+
 def test_select_keeps_unknown_numbers_unknown():
     found = told(
         address=[4294967295.0, 3.0],

@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, frozen, matches
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import Estimates
-from ..types.reports import NAME_SIZE, SelfReports
+from ..types.reports import NAME_SIZE, SelfReports, is_of
 from . import bias, judgement, silence
 from .batches import Tables, batch_of, chains_of, describe_sources, keys_of, selected
 from .looks import moments, take_look
@@ -209,6 +209,8 @@ class SelfReporting(LayerState):
         """
         sources, stamp_ns = self.sources, look.stamp_ns
         seen = seen & ((stamp_ns - sources.last_ns) * 1e-9 < ACTIVE_S)
+        # A person in the water is not false because no radar sees one.
+        seen &= ~is_of("small_radio", sources.address, sources.space)
         before = np.where((stamp_ns - sources.looked_ns) * 1e-9 < ACTIVE_S, sources.looks, 0)
         sources = frozen(
             sources._replace(
@@ -279,7 +281,8 @@ class SelfReporting(LayerState):
         tracks = take(joined, np.flatnonzero(lives))
         layer = self.changed(tracks=tracks)
         if len(ended.label):
-            off = layer.changed(tracks=ended, pairs=Pairs.none())._off_of(stamp_ns)
+            pairs = take(self.pairs, np.isin(self.pairs.label, ended.label))
+            off = layer.changed(tracks=ended, pairs=pairs)._off_of(stamp_ns)
             learned = layer.learned._replace(ended=layer.learned.ended + off)
             layer = layer.changed(learned=learned)
         new = np.flatnonzero(np.isin(tracks.label, rows.label[is_new]))

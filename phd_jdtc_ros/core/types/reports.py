@@ -8,15 +8,32 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import UNKNOWN, FloatArray, IntArray, ReadOnly
+from ..arrays import UNKNOWN, BoolArray, FloatArray, IntArray, ReadOnly
 
 # Identity spaces: an address is unique in its space only.
 ICAO, MMSI, TRACK_NUMBER, OTHER = range(1, 5)
 SPACES = ("", "icao", "mmsi", "number", "other")
+# What an MMSI is of, if not of a craft, by ranges of numbers: MID, a country's, begins with 2 to 7
+# (ITU-R M.585-9, annexes 1 and 2). Numbers of groups are of ships that have them wrongly set.
+STATIONS = {
+    "coast_station": ((2_000_000, 8_000_000),),  # 00 MID
+    "aircraft": ((111_200_000, 111_800_000),),  # 111 MID
+    "aid_to_navigation": ((992_000_000, 998_000_000),),  # 99 MID
+    # Radios that people carry (8 MID), beacons of distress (970, 972, 974), and 979, of gear.
+    "small_radio": ((820_000_000, 880_000_000), (970_000_000, 980_000_000)),
+}
 # Number of letters of a name or a call sign.
 NAME_SIZE = 20
 # Whether the source says that its position is accurate; `UNKNOWN` if it says nothing.
 ACCURATE = 1
+
+
+def is_of(station: str, address: FloatArray | IntArray, space: IntArray) -> BoolArray:
+    """Return whether the addresses are MMSI of one of `STATIONS`, (N,)."""
+    found = np.zeros(len(address), dtype=np.bool_)
+    for first, end in STATIONS[station]:
+        found |= (space == MMSI) & (address >= first) & (address < end)
+    return found
 
 
 @dataclass(frozen=True)
