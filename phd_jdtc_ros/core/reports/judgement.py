@@ -40,61 +40,58 @@ class Judged(NamedTuple):
 def of_receiver(layer: LayerState, index: int, stamp_ns: int) -> Judged:
     """Return what the silence of tracks to one receiver says.
 
-    A receiver that hears no one is itself silent: nothing is said of the time since its last
-    report.
+    It is the mixture over the sources that may be a track's own, or none since it was born. A
+    receiver that hears no one is itself silent: nothing is said of the time since its last report.
     """
-    tracks, sources, receiver = layer.tracks, layer.sources, layer.receivers[index]
-    size, habits = len(tracks.label), receiver.habits
-    heard = np.full(size, False)
-    gap_s = np.zeros(size)
-    begin_ns = tracks.born_ns.copy()
-    row, source = matches(sources.number, tracks.heard)
-    same = sources.space[source] == receiver.space
-    row, source = row[same], source[same]
-    begin_ns[row] = np.maximum(tracks.heard_ns[row], sources.on_ns[source])
-    # A source that certainly owns another track has probably never reported this one.
-    owner = sources.owner[source]
-    same = ~np.isin(owner, tracks.label) | (owner == tracks.label[row])
-    row, source = row[same], source[same]
-    heard[row], gap_s[row] = True, sources.gap_s[source]
+    tracks, sources, pairs = layer.tracks, layer.sources, layer.pairs
+    receiver, size = layer.receivers[index], len(tracks.label)
+    habits, source = receiver.habits, sources.number.searchsorted(pairs.source)
+    of_space = sources.space[source] == receiver.space
+    at, source = tracks.label.searchsorted(pairs.label[of_space]), source[of_space]
+    # Two transmitters may be on one target.
+    owned = np.bincount(at, pairs.owned[of_space], size)
+    of, share = np.append(np.arange(size), at), np.append(1.0 - owned, pairs.owned[of_space])
+    share = share.clip(0.0) / np.maximum(owned, 1.0)[of]
+    heard = np.arange(len(of)) >= size
+    gap_s = np.append(np.zeros(size), sources.gap_s[source])
+    last_ns = np.maximum(sources.last_ns, sources.on_ns)[source]
     now_ns = min(int(layer.learned.alive_ns[index]), stamp_ns)
-    quiet_s = np.maximum((now_ns - begin_ns) * 1e-9 - heard * habits.time_step_s, 0.0)
+    silent_s = (now_ns - np.append(tracks.born_ns, last_ns)) * 1e-9
+    quiet_s = np.maximum(silent_s - heard * habits.time_step_s, 0.0)
     interval_s = layer.intervals_of(
-        np.full(size, index), tracks.mean[:, 2:], tracks.covariance[:, 2:, 2:], gap_s
+        np.full(len(of), index), tracks.mean[of, 2:], tracks.covariance[of, 2:, 2:], gap_s
     )
     losses = layer.losses[index]
     # Before its second report nobody knows how often a transmitter reports, unless it says so.
     rare = np.where(gap_s > 0.0, 0.0, habits.rare)
-    quiet, unnoticed_s = np.zeros(size), np.zeros(size)
-    for share, each_s in (
+    quiet, unnoticed_s = np.zeros(len(of)), np.zeros(len(of))
+    for part, each_s in (
         (1.0 - rare, interval_s),
         (rare, np.maximum(interval_s, habits.rare_s)),
     ):
-        quiet += share * np.where(
+        quiet += part * np.where(
             heard,
             silence.since_report(quiet_s, each_s, losses),
             silence.unheard(quiet_s, each_s, losses),
         )
-        unnoticed_s += share * losses.unnoticed_s(quiet_s, each_s)
+        unnoticed_s += part * losses.unnoticed_s(quiet_s, each_s)
     obliged = np.zeros(size)
     if len(receiver.obliged):
         obliged = tracks.class_probability @ receiver.obliged
     off = float(layer.learned.off[index])
-    said = silence.judge(obliged, off, heard, quiet, unnoticed_s)
-    owned = np.zeros(size)
-    at = tracks.label.searchsorted(layer.pairs.label)
-    of_space = sources.space[sources.number.searchsorted(layer.pairs.source)] == receiver.space
-    np.add.at(owned, at[of_space], layer.pairs.owned[of_space])
-    # An owner that was heard within two intervals transmits.
-    recent = np.where(heard & (quiet_s >= 2.0 * interval_s), 0.0, np.minimum(owned, 1.0))
+    said = silence.judge(obliged[of], off, heard, quiet, unnoticed_s)
+    dark, silent = (np.bincount(of, share * each, size) for each in said)
     inside = silence.covered(tracks.mean[:, :2], index, receiver, layer.learned.cells)
-    has_left = np.isin(tracks.label, sources.owner[_leaving(sources, stamp_ns)])
     # A transmitter that has left its target is on, and says that it is elsewhere.
-    elsewhere = np.full(size, False)
+    elsewhere = np.isin(tracks.label, sources.owner[_leaving(sources, stamp_ns)])
+    row, source = matches(sources.number, tracks.heard)
+    is_own = ~np.isin(sources.owner[source], tracks.label)
+    is_own |= sources.owner[source] == tracks.label[row]
+    is_own &= sources.space[source] == receiver.space
     later = sources.last_ns[newest_of_address(sources)] > sources.last_ns
-    elsewhere[row] = later[source]
-    free = (1.0 - recent) * (inside & ~has_left & ~elsewhere)
-    return Judged(inside, obliged, free * said.dark, np.where(inside, free * said.silent, np.nan))
+    elsewhere[row] |= is_own & later[source]
+    free = (inside & ~elsewhere).astype(np.float64)
+    return Judged(inside, obliged, free * dark, np.where(inside, free * silent, np.nan))
 
 
 def _leaving(sources: Sources, stamp_ns: int) -> BoolArray:
@@ -142,9 +139,10 @@ def of_estimates(layer: LayerState, label: IntArray, stamp_ns: int) -> Reported:
     columns["owned"][owning] = pairs.owned[chosen]
     shown = pairs.owned[chosen] >= OWNED
     columns["offset"][owning[shown]] = pairs.mean[chosen[shown], 4:6]
-    _write_source(
-        columns, owning[shown], sources, sources.number.searchsorted(pairs.source[chosen[shown]])
-    )
+    source = sources.number.searchsorted(pairs.source[chosen[shown]])
+    _write_source(columns, owning[shown], sources, source)
+    # Of clones each may own a track.
+    columns["reason"][owning[shown]] = SHARED * _shared(sources, stamp_ns)[source]
     (leaving,) = _leaving(sources, stamp_ns).nonzero()
     left, place = matches(label[ascending], sources.owner[leaving])
     at, source = ascending[place], leaving[left]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, frozen
+from ..arrays import IntArray, frozen
 from ..compilation import Float1, Writeable, compiled, inner
 from .batches import Batch, Tables
 from .filters import State, moved, observe, predict
@@ -56,12 +56,6 @@ class Used(NamedTuple):
 
 
 @inner
-def _logaddexp(one: float, other: float) -> float:
-    high = max(one, other)
-    return high + math.log(math.exp(one - high) + math.exp(other - high))
-
-
-@inner
 def _copy(state: State, to: State) -> None:
     for i in range(len(state.mean)):
         to.mean[i] = state.mean[i]
@@ -72,13 +66,6 @@ def _copy(state: State, to: State) -> None:
 @inner
 def _new_state(size: int) -> State:
     return State(np.empty(size), np.empty((size, size)))
-
-
-@inner
-def _write_own_matrix(matrix: FloatArray, late_s: float) -> None:
-    """Write the measurement of a ghost's report: place, and velocity with its error."""
-    write_matrix(matrix, np.zeros(2), late_s)
-    matrix[2, 4] = matrix[3, 5] = 1.0
 
 
 @compiled
@@ -95,7 +82,7 @@ def _find(
     time_ns, z, receiver = batch.time_ns[report], batch.measured[report], batch.receiver[report]
     density, size = rules.unsteady * rules.noise_density, batch.components[report]
     found, best_log, count, oldest = -1, -np.inf, 0, -1
-    matrix, noise = np.zeros((4, 6)), np.empty((4, 4))
+    matrix, noise, straight = np.zeros((4, 6)), np.empty((4, 4)), np.zeros(2)
     state, speeds = _new_state(6), math.exp(0.5 * assumed.log_speeds[receiver])
     row = chains.first[batch.chain[report]]
     while row >= 0:
@@ -115,7 +102,8 @@ def _find(
                 # A source that begins to lie need not say so by its velocities.
                 for i in range(4, 6):
                     state.covariance[i, i] += density * dt
-            _write_own_matrix(matrix, late_s)
+            write_matrix(matrix, straight, late_s)
+            matrix[2, 4] = matrix[3, 5] = 1.0  # The error of the velocity
             write_noise(noise, batch.noise[report], late_s, density)
             log_likelihood, square = observe(state, z, matrix, noise, size)
             if square < rules.own_gate and log_likelihood > best_log:
@@ -300,7 +288,7 @@ def take_reports(
         if batch.ahead[report, 0] != 0.0 or batch.ahead[report, 1] != 0.0:
             sources.ahead[row, 0] = batch.ahead[report, 0]
             sources.ahead[row, 1] = batch.ahead[report, 1]
-        log_ghost = _logaddexp(
+        log_ghost = np.logaddexp(
             math.log(1.0 - rules.jumps) + log_ghost, math.log(rules.jumps) + uniform
         )
         pair_count = _begin_pairs(batch, report, row, assumed, rules, tracks, tables, pair_count)

@@ -102,21 +102,14 @@ def since_report(time_s: FloatArray, interval_s: FloatArray, losses: Losses) -> 
     return losses.in_row(np.floor(time_s / interval_s), interval_s, 0.0)
 
 
-class Silent(NamedTuple):
-    """What silence says of each target, (N,)."""
-
-    dark: FloatArray  # Probability that it is obliged to transmit and does not
-    silent: FloatArray  # Probability that it does not transmit
-
-
 def judge(
     obliged: FloatArray,
     off_prior: float,
     was_heard: BoolArray,
     quiet: FloatArray,
     unnoticed_s: FloatArray,
-) -> Silent:
-    """Return what the silence of targets says.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities that targets should transmit and do not, and that they do not, (N,).
 
     Parameters
     ----------
@@ -142,7 +135,7 @@ def judge(
         ]
     )
     share = weights / np.maximum(weights.sum(axis=0), 1e-300)
-    return Silent(share[0], share[0] + share[2])
+    return share[0], share[0] + share[2]
 
 
 def cells_of(

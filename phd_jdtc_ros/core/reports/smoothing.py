@@ -18,15 +18,8 @@ MAX_LINKS = 1000
 def links_of(pairs: Pairs) -> tuple[Pairs, Links]:
     """Return the links of pairs that have moved on, and the pairs with new ones from there."""
     (row,) = (pairs.since_ns < pairs.time_ns).nonzero()
-    links = frozen(
-        Links(
-            pairs.number[row],
-            pairs.since_ns[row],
-            pairs.shift[row],
-            pairs.gain[row],
-            pairs.rest[row],
-        )
-    )
+    own = take(pairs, row)
+    links = frozen(Links(own.number, own.since_ns, own.shift, own.gain, own.rest))
     if not len(row):
         return pairs, links
     since_ns, shift, gain, rest = (

@@ -17,7 +17,7 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from phd_jdtc_ros.columns import anomalies
 from phd_jdtc_ros.core.conflicts.watch import Watch
 from phd_jdtc_ros.core.types import Estimates, Reported
-from phd_jdtc_ros.core.types.reports import ALARM, LEFT
+from phd_jdtc_ros.core.types.reports import ALARM, LEFT, SHARED
 from phd_jdtc_ros.quoting import counts_text
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first, status_of
@@ -415,21 +415,22 @@ def conflict_status(watch: Watch, node: str) -> DiagnosticStatus:
 def reports_status(found: Estimates, node: str) -> DiagnosticStatus:
     """Return what self-reports say of the latest estimates, which is no fault of the tracker.
 
-    The values are numbers of tracks, and a sentence for each dark target, doubtful source and track
-    that its source has left; `node` is the tracker's full name.
+    The values are numbers of tracks, and a sentence for each dark target, doubtful source, shared
+    address and track that its source has left; `node` is the tracker's full name.
     """
     told = found.reports or Reported.unknown(len(found))
     dark, doubtful = (np.nan_to_num(each) > ALARM for each in (told.dark, told.doubtful))
-    left = (told.reason == LEFT) & (told.alone == 0)
+    left, shared = (told.reason == LEFT) & (told.alone == 0), told.reason == SHARED
     values: dict[str, object] = {
         "reporting": int(((told.owned > 0.5) & (told.alone == 0)).sum()),
         "dark": int(dark.sum()),
         "doubtful": int(doubtful.sum()),
         "left": int(left.sum()),
+        "shared": int(shared.sum()),
         "alone": int(told.alone.sum()),
     }
     # Largest number of findings that are told in words.
-    for row in np.flatnonzero(dark | doubtful | left)[:10].tolist():
+    for row in np.flatnonzero(dark | doubtful | left | shared)[:10].tolist():
         values[f"track_{found.track_id[row]}"] = told.reason_text(row, found.stamp_ns)
     text = ", ".join(f"{count} {name}" for name, count in values.items() if isinstance(count, int))
     return status_of(node, "self-reports", Condition(OK, text), values)

@@ -27,7 +27,8 @@ from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.reports import judgement
 from phd_jdtc_ros.core.reports.bias import CERTAIN
-from phd_jdtc_ros.core.types import TENTATIVE, SelfReports
+from phd_jdtc_ros.core.reports.tables import concatenate, take
+from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, SelfReports
 from phd_jdtc_ros.core.types.reports import ALARM, ICAO, LEFT, MMSI, SHARED
 
 
@@ -195,26 +196,25 @@ def test_dark_ships_are_called_and_no_other_one():
             assert dark > ALARM if kind == DARK else dark < 0.9
 
 
-def test_a_dark_ship_that_passed_for_the_owner_of_a_report_is_called():
+def test_a_ship_is_as_dark_as_it_is_not_the_owner_of_a_report_that_another_one_may_own():
     pipeline, scene, *_ = tracked()
     layer, stamp_ns = pipeline.engine.forward.factors.reports, scene[-1].stamp_ns
-    tracks, sources = layer.tracks, layer.sources
+    tracks, pairs = layer.tracks, layer.pairs
 
     def track_of(kind):
         place = scene[-1].truth[KINDS.index(kind)]
         return int(np.argmin(np.hypot(*(tracks.mean[:, :2] - place).T)))
 
     owner, dark = track_of(OK), track_of(DARK)
-    (source,) = (sources.owner == tracks.label[owner]).nonzero()
-    heard_ns, heard = tracks.heard_ns.copy(), tracks.heard.copy()
-    heard_ns[dark], heard[dark] = stamp_ns - 100 * 10**9, sources.number[source[0]]
-    near = layer.changed(tracks=tracks._replace(heard_ns=heard_ns, heard=heard))
-    said = judgement.of_receiver(near, 0, stamp_ns)
-    assert said.dark[dark] > ALARM
-    assert said.dark[owner] < 0.1
-    # While no other track has the source, it has been the ship's own.
-    nobody = sources._replace(owner=np.full(len(sources.owner), -1))
-    assert judgement.of_receiver(near.changed(sources=nobody), 0, stamp_ns).dark[dark] < 0.99
+    assert judgement.of_receiver(layer, 0, stamp_ns).dark[dark] > ALARM
+    (own,) = (pairs.label == tracks.label[owner]).nonzero()
+    assert pairs.owned[own].sum() > 0.99
+    other = take(pairs, own)
+    other = other._replace(label=np.full(len(own), tracks.label[dark]), owned=0.3 * other.owned)
+    shared = pairs._replace(owned=np.where(pairs.label == tracks.label[owner], 0.7, 1.0))
+    said = judgement.of_receiver(layer.changed(pairs=concatenate([shared, other])), 0, stamp_ns)
+    assert said.dark[dark] == pytest.approx(0.7, abs=0.01)
+    assert said.dark[owner] == pytest.approx(0.3, abs=0.01)
 
 
 def test_liar_is_called_and_does_not_pull_its_ship():
@@ -240,6 +240,26 @@ def test_liar_is_called_and_does_not_pull_its_ship():
     assert called >= 0.9 * np.count_nonzero([turn.stamp_ns >= late for turn in scene])
 
 
+def test_a_beacon_that_no_radar_sees_is_a_track_and_not_doubtful():
+    scene, pipeline = turns(2, 150.0, kinds=(OK,)), new_pipeline(configured())
+    beacon, ship = 972_110_001, 211_000_001
+
+    def told(turn):
+        own, away = turn.reports, np.full(len(turn.reports), 1500.0)
+        parts = [
+            own.changed(address=np.full(len(own), each), position=own.position + k * away[:, None])
+            for k, each in enumerate((beacon, ship), start=1)
+        ]
+        return SelfReports.concatenate([own, *parts])
+
+    said = fed(pipeline, scene, told)[0][-1]
+    at = {int(number): row for row, number in enumerate(said.reports.address)}
+    assert said.reports.doubtful[at[ship]] > ALARM
+    assert np.isnan(said.reports.doubtful[at[beacon]])
+    assert said.weight[at[beacon]] == 1.0
+    assert said.track_state[at[beacon]] == CONFIRMED
+
+
 def test_clones_are_two_sources():
     _, scene, filtered, _ = tracked()
     clones = np.flatnonzero([kind == CLONE for kind in KINDS])
@@ -248,6 +268,9 @@ def test_clones_are_two_sources():
         assert len(set(rows)) == 2
         assert (estimates.reports.owned[rows] > 0.9).all()
         assert len(set(estimates.reports.address[rows].tolist())) == 1
+        # Each is told to be one of two, and no other ship is.
+        assert (estimates.reports.reason[rows] == SHARED).all()
+        assert np.count_nonzero(estimates.reports.reason == SHARED) == 2
 
 
 def test_order_of_reports_within_a_scan_does_not_matter():
@@ -466,7 +489,7 @@ def test_one_ship_with_two_addresses_and_two_ships_with_one():
     # Both addresses own the ship, which shows one of them.
     row = nearest(last, scene[-1].truth[0])
     assert last.reports.address[row] in (1001, 2001)
-    assert not (last.reports.reason == SHARED).any()
+    assert last.reports.reason[row] != SHARED
 
 
 def test_stamps_of_one_run_are_those_of_the_radar():

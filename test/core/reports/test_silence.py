@@ -27,9 +27,9 @@ def test_silence_equals_the_enumeration_of_phases_at_any_times(off):
     phases = (np.arange(200_000) + 0.5) / 200_000 * INTERVAL_S
     for time_s in np.cumsum(rng.uniform(0.1, 9.0, 12)):
         quiet = silence.unheard(np.array([time_s]), np.array([INTERVAL_S]), IN_SIGHT)
-        said = silence.judge(np.ones(1), off, np.array([False]), quiet, np.zeros(1))
+        dark, _ = silence.judge(np.ones(1), off, np.array([False]), quiet, np.zeros(1))
         by_phase = _silent(time_s, phases)
-        assert said.dark[0] == pytest.approx(off / (off + (1.0 - off) * by_phase), abs=1e-5)
+        assert dark[0] == pytest.approx(off / (off + (1.0 - off) * by_phase), abs=1e-5)
 
 
 def test_silence_after_a_report_counts_whole_intervals():
@@ -85,15 +85,15 @@ def test_a_heard_transmitter_was_switched_off_before_its_next_report_came(time_s
     off = silence.SWITCHED_OFF * step_s * silent.sum()
     own = np.array([time_s]), np.array([INTERVAL_S])
     quiet = silence.since_report(*own, HIDING)
-    said = silence.judge(np.ones(1), 0.1, np.ones(1, bool), quiet, HIDING.unnoticed_s(*own))
-    assert said.dark[0] == pytest.approx(off / (off + (1.0 - off) * quiet[0]), rel=1e-4)
+    dark, _ = silence.judge(np.ones(1), 0.1, np.ones(1, bool), quiet, HIDING.unnoticed_s(*own))
+    assert dark[0] == pytest.approx(off / (off + (1.0 - off) * quiet[0]), rel=1e-4)
 
 
 def test_judge_says_no_more_than_the_obligation():
     quiet, never = np.full(3, 1e-9), np.full(3, False)
-    said = silence.judge(np.array([0.0, 0.4, 1.0]), 0.1, never, quiet, np.zeros(3))
-    assert said.dark[0] == 0.0
+    dark, silent = silence.judge(np.array([0.0, 0.4, 1.0]), 0.1, never, quiet, np.zeros(3))
+    assert dark[0] == 0.0
     # All are certainly silent; of the second, 0.04 to 0.57 are obliged and off.
-    np.testing.assert_allclose(said.silent, 1.0, atol=1e-6)
-    assert said.dark[1] == pytest.approx(0.4 * 0.1 / (0.4 * 0.1 + 0.6 * 0.95), abs=1e-6)
-    assert said.dark[2] == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(silent, 1.0, atol=1e-6)
+    assert dark[1] == pytest.approx(0.4 * 0.1 / (0.4 * 0.1 + 0.6 * 0.95), abs=1e-6)
+    assert dark[2] == pytest.approx(1.0, abs=1e-6)
