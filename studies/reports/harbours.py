@@ -1,8 +1,8 @@
 """How well ships' own reports are joined with the tracks of a radar, in simulated harbours.
 
 The layer of self-reports is scored against the truth: errors of ships with AIS, calls of ships
-that are dark and of one that lies, owners of sources, track numbers, and the calibration of P(dark)
-and P(doubtful). The same radar without a receiver is the reference; the receiver without the radar
+that are dark and of one that lies, owners of sources, track numbers, and the calibration of the
+probabilities. The same radar without a receiver is the reference; the receiver without the radar
 and another tracker with the radar's plots are beside them.
 """
 
@@ -84,7 +84,8 @@ RECEIVER = {
 CLASS_A, CLASS_B, CLONE, LIAR, DARK, BOAT = "class A", "class B", "clone", "liar", "dark", "boat"
 KINDS = (*[CLASS_A] * 4, *[CLASS_B] * 2, *[CLONE] * 2, LIAR, *[DARK] * 3, *[BOAT] * 2)
 HONEST = CLASS_A, CLASS_B, CLONE
-CALIBRATED = ("dark", "doubtful")  # The probabilities that are compared with the truth
+# The probabilities that are compared with the truth.
+CALIBRATED = ("dark", "silent", "owned", "doubtful")
 TRUE_KINDS = (*HONEST, LIAR, BOAT)  # Those that are not dark
 FIRST_MMSI = 211_000_001
 DURATION_S, SETTLING_S, LIES_S = 900.0, 60.0, 180.0
@@ -92,7 +93,10 @@ LIKE_TRUTH_S = 30.0  # A lie is within the errors for so long, seconds
 NEAR = 150.0  # Largest distance between a track and its ship, metres
 # Of ships this near to another one the assignment does not tell whose track one is, metres.
 APART = 60.0
-# Edges of the bins of P(dark) and P(doubtful), and the largest difference that is a goal.
+# A track is of the ship that it has most often been assigned to within this time of it, before and
+# after, seconds: the first plots of two ships may be nearer to the other one of them.
+FOLLOWED_S = 30.0
+# Edges of the bins of these probabilities, and the largest difference that is a goal.
 BOUNDS = (0.0, 0.1, 0.3, 0.7, 0.9, 0.99, 1.0)
 TOLERANCE = 0.1
 # The plot Kalman tracker with the noise of these ships, chosen by its RMS errors on seeds 50 to 52.
@@ -270,6 +274,9 @@ class Scores:
         # Numbers of ships' tracks, of the radar alone and with reports.
         self._numbers: dict[int, tuple[int, int]] = {}
         self._since: dict[int, float] = {}
+        # Tracks of ships: time, number of the radar alone, ship, and the owner that is named, 0 if
+        # none, with its probability.
+        self._followed: list[tuple[float, int, int, int, float]] = []
         # What was called at the last revolution: ships dark, and addresses doubtful.
         self._dark: set[int] = set()
         self._doubted: set[int] = set()
@@ -309,8 +316,11 @@ class Scores:
                 self._numbers[int(ship)] = numbers
                 for place, (old, new) in enumerate(zip(before, numbers, strict=True)):
                     self.figures["changes"][place] += old != new
-                if gap[ship].min() > APART:
-                    self._add_owner(int(ship), told, row)
+                is_apart = gap[ship].min() > APART
+                is_owned = is_apart and told.owned[row] > 0.5 and told.reason[row] != LEFT
+                owner = (int(told.address[row]), float(told.owned[row])) if is_owned else (0, 0.0)
+                self._followed.append((now_s, numbers[0], int(ship), *owner))
+                if is_apart:
                     self._add_track(int(ship), now_s, told, row)
                     if told.dark[row] > ALARM:
                         called.add(int(ship))
@@ -322,13 +332,23 @@ class Scores:
         self._call_dark(called, now_s)
         self._call_doubtful(told, now_s)
 
-    def _add_owner(self, ship: int, told: Reported, row: int) -> None:
-        if told.owned[row] > 0.5 and told.reason[row] != LEFT:
-            self.figures["owned"] += 1
-            self.figures["wrong"] += int(told.address[row]) != self._addresses[ship]
+    def add_owners(self) -> None:
+        """Count P(owned) of the named owners, and the wrong ones of those that are certain."""
+        now_s, number, ship, owner, said = map(np.array, zip(*self._followed, strict=True))
+        for each in np.unique(number):
+            own = number == each
+            near = np.abs(now_s[own, None] - now_s[own]) <= FOLLOWED_S
+            follows = (near @ np.eye(len(KINDS))[ship[own]]).argmax(axis=1)
+            named = owner[own] > 0
+            right = (owner[own] == np.array(self._addresses)[follows])[named]
+            certain = said[own][named] > ALARM
+            self.figures["owned_said"] += said[own][named].tolist()
+            self.figures["owned_true"] += right.tolist()
+            self.figures["owned"] += int(certain.sum())
+            self.figures["wrong"] += int((certain & ~right).sum())
 
     def _add_track(self, ship: int, now_s: float, told: Reported, row: int) -> None:
-        """Count P(dark) of the track of a ship."""
+        """Count P(dark) and P(silent) of the track of a ship."""
         figures = self.figures
         self._since.setdefault(ship, now_s)
         # Whether a ship that lies is dark is a question of words.
@@ -339,6 +359,9 @@ class Scores:
         if now_s > SETTLING_S:
             figures["dark_said"].append(float(told.dark[row]))
             figures["dark_true"].append(KINDS[ship] == DARK)
+            if np.isfinite(told.silent[row]):
+                figures["silent_said"].append(float(told.silent[row]))
+                figures["silent_true"].append(KINDS[ship] in (DARK, BOAT))
 
     def _call_dark(self, called: set[int], now_s: float) -> None:
         for ship in called - self._dark:
@@ -388,12 +411,14 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     )
     for estimates in zip(alone, joint, strict=True):
         scores.add(*estimates)
-    figures = scores.figures
+    scores.add_owners()
+    figures, calibrated = scores.figures, {}
     for name in CALIBRATED:
         said, true = (
             np.array(figures.pop(f"{name}_{each}"), dtype=float) for each in ("said", "true")
         )
-        figures[name] = binned(BOUNDS, said, true)
+        calibrated[name] = binned(BOUNDS, said, true)
+    figures["calibrated"] = calibrated
     receiver = {key: value for key, value in (RADAR | RECEIVER).items() if key[:6] != "radar."}
     reports = _tracked(resolve(receiver | {"sensors": ["ais"]}), [], told)
     stamps = [each.stamp_ns for each in joint]
@@ -437,7 +462,9 @@ def _combined(found: Sequence[Figures]) -> Figures:
         "changes": np.sum([own["changes"] for own in found], axis=0).tolist(),
         "trackers": runner.mean(trackers),
         **several,
-        "calibration": {name: _calibration([own[name] for own in found]) for name in CALIBRATED},
+        "calibration": {
+            name: _calibration([own["calibrated"][name] for own in found]) for name in CALIBRATED
+        },
     }
 
 
@@ -475,7 +502,7 @@ def _tables(figures: Figures) -> list[Table | str]:
             for lie, each in figures[name].items()
         ),
         ("false doubts", _rate(figures["false_doubts"], source_h, "source")),
-        ("wrong owners", f"{figures['wrong']} of {figures['owned']}"),
+        (f"wrong owners at P > {ALARM}", f"{figures['wrong']} of {figures['owned']}"),
         ("changes of track numbers", "{1}, of the radar alone {0}".format(*figures["changes"])),
     ]
     columns = {"found": ("found", ".1%"), "rms": ("RMS", ".1f", "m")}
