@@ -69,7 +69,7 @@ def test_deviations_and_shares_are_the_detections_own():
 
 
 def test_covariances_in_the_plane_are_those_of_their_roots():
-    plots = View.of(RADAR, REPORTED).in_plane
+    plots = RADAR.in_plane(REPORTED)
     np.testing.assert_allclose(plots.covariance, plots.root @ plots.root.swapaxes(1, 2), atol=1e-9)
     np.testing.assert_allclose(
         np.linalg.eigvalsh(plots.covariance[0]), np.array([50.0, 5e3 * 0.02]) ** 2, rtol=1e-9
