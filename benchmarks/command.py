@@ -46,7 +46,6 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
 
 def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
     """Write the summary, the tables and the pictures; return the paths."""
-    directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
     text = directory / "table.md"
@@ -64,6 +63,7 @@ def main(argv: Sequence[str]) -> int:
     )
     arguments = parser.parse_args(argv)
     console = Console()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     summary = run(arguments.quick, arguments.part or list(PARTS), console)
     for table in report.tables(summary):
         console.print(table)

@@ -92,12 +92,31 @@ def require_replaceable(path: Path, kind: str, begin: bytes) -> None:
     raise FileExistsError(errno.EEXIST, f"{found} is there, only a {kind} is replaced", str(path))
 
 
+def why_closed(directory: Path, *, parents: bool = False) -> str:
+    """Return in words why no file can be made in a directory, with its path; empty if one can.
+
+    With `parents` the directory need not exist, nor those above it, but it must be possible to make
+    them. A file is made, because permissions alone do not tell what a file system takes.
+    """
+    while parents and not os.path.lexists(directory) and directory != directory.parent:
+        directory = directory.parent
+    # Without permission pathlib raises, and os.path returns False.
+    if not os.path.isdir(directory):
+        is_what = "is a file, must be a" if os.path.exists(directory) else "is no"
+        return f"{directory} {is_what} directory"
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return ""
+    except OSError as error:
+        return f"{directory} cannot be written to: {error.strerror}"
+
+
 def require_new(paths: Mapping[str, Path | None], made: Path | None = None) -> None:
     """Check that files, by the option that asks for each, can be written when they are ready.
 
     An option that is not given is None, and `made` a directory that will have been made by then.
     `ConfigError` lists every file that exists, that has the path of another one, or whose directory
-    does not exist.
+    does not exist or takes no files.
     """
     faults = []
     options: dict[Path, str] = {} if made is None else {made.resolve(): "--out"}
@@ -111,9 +130,8 @@ def require_new(paths: Mapping[str, Path | None], made: Path | None = None) -> N
             faults.append(f"{option}: {path} already exists, a file is not overwritten")
         elif path.is_dir():
             faults.append(f"{option}: {path} given, must be a file, is a directory")
-        elif whole.parent != (made and made.resolve()) and not os.access(whole.parent, os.W_OK):
-            lacks = "cannot be written to" if whole.parent.is_dir() else "is no directory"
-            faults.append(f"{option}: {path} given, but {whole.parent} {lacks}")
+        elif whole.parent != (made and made.resolve()) and (lack := why_closed(whole.parent)):
+            faults.append(f"{option}: {path} given, but {lack}")
         options.setdefault(whole, option)
     if faults:
         raise ConfigError(*faults)

@@ -134,7 +134,6 @@ def table(title: str, figures: Sequence[Figure]) -> Table:
 
 def write(figures: Sequence[Figure], directory: Path, elapsed_s: float) -> Path:
     """Write the summary; return its path."""
-    directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     summary = {
         "figures": [figure.as_dict() for figure in figures],
@@ -161,6 +160,7 @@ def main(argv: Sequence[str]) -> int:
     added["fuzz"].add_argument("--seconds", type=float, default=raw_bytes.SECONDS)
     arguments = parser.parse_args(argv)
     console = Console()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
     figures = run(COMMANDS[arguments.command](arguments), console)
     elapsed_s = time.monotonic() - begin

@@ -100,6 +100,7 @@ def _parser(study: Study) -> ArgumentParser:
 def _work(study: Study, arguments: argparse.Namespace) -> int:
     lowest = {"seed": 0, "runs": 1, "minutes": study.least_minutes or 0.0}
     command.require_least(arguments, lowest)
+    arguments.out.mkdir(parents=True, exist_ok=True)
     seeds = range(arguments.seed, arguments.seed + arguments.runs) if study.runs else range(1)
     console = Console()
     console.width = max(console.width, WIDTH)
@@ -115,7 +116,6 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
     else:
         figures = study.combined(found)
         goals = study.goals(figures)
-    arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / f"{study.name}.json"
     document = {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals}
     _write(path, document)

@@ -54,6 +54,20 @@ def test_write_does_not_wait_for_the_reader_of_a_pipe(tmp_path):
     assert caught.value.filename == str(pipe)
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [("none/x", "{}/none is no directory"), ("file/x", "{}/file is a file, must be a directory")],
+)
+def test_a_directory_that_takes_no_file_is_named_before_the_work(tmp_path, place, said):
+    (tmp_path / "file").touch()
+    directory = (tmp_path / place).parent
+    assert output_files.why_closed(directory) == said.format(tmp_path)
+    assert output_files.why_closed(tmp_path / "none" / "new", parents=True) == ""
+    assert output_files.why_closed(tmp_path / "file" / "new", parents=True)
+    assert output_files.why_closed(Path("/proc")).startswith("/proc cannot be written to: ")
+    assert os.listdir(tmp_path) == ["file"]
+
+
 def test_bag_is_found_by_name_from_any_directory(tmp_path, monkeypatch):
     # The user has bags too.
     (tmp_path / "bags" / "mine").mkdir(parents=True)

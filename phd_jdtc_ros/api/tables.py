@@ -8,7 +8,8 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from datetime import datetime, timezone
+from datetime import datetime, time, timezone
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -35,9 +36,11 @@ MOST_METRES = 1e9
 # A date, perhaps with a time, and its offset from UTC in hours and minutes. NumPy would take other
 # texts too, some of them with a warning.
 _DATE = re.compile(
-    r"(\d{4}-\d\d(?:-\d\d)?(?:[T ]\d\d(?::\d\d(?::(\d\d)(?:\.\d+)?)?)?)?) ?"
+    r"(\d{4}-\d\d(?:-\d\d)?(?:[T ]\d\d(?::\d\d(?::(\d\d)(?:[.,]\d+)?)?)?)?) ?"
     r"(?:Z|UTC|([+-])(\d\d):?(\d\d)?)?"
 )
+# A time of day, of which a leap second is the next one.
+_TIME_OF_DAY = re.compile(r"(?:[01]?\d|2[0-4]):[0-5]\d:(?:[0-5]\d|60)(?:[.,]\d+)?")
 
 
 class Located(dict[str, Column]):
@@ -104,7 +107,9 @@ def _column_of(values: Any) -> Column:
     column = np.atleast_1d(np.asarray(values))
     if isinstance(values, np.ma.MaskedArray) and column.dtype.kind in "biuf":
         column = np.where(np.ma.getmaskarray(values), np.nan, column)
-    are_texts = column.dtype.kind == "O" and all(isinstance(each, str) for each in column.flat)
+    are_texts = column.dtype.kind == "S" or (
+        column.dtype.kind == "O" and all(isinstance(each, str) for each in column.flat)
+    )
     return column.astype(np.str_) if are_texts else column
 
 
@@ -124,20 +129,37 @@ def _read_csv(path: Path) -> Columns:
         raise ValueError(f"{path}: {error}; must be a CSV file in UTF-8") from error
     if not numbered:
         raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
-    lines, rows = zip(*numbered, strict=True)
+    lines, rows = zip(*_without_comments(numbered), strict=True)
     names = [name.strip() for name in rows[0]]
-    if len(names) == 1 and (other := re.search("^#|[;\t]", names[0])):
-        raise ValueError(f"{path}: {other[0]!r} in the first line, must be names and commas")
+    if len(names) == 1 and (other := re.search("[;\t ]", names[0])):
+        raise ValueError(f"{path}: {other[0]!r} in line {lines[0]}, must be names and commas")
     # Several columns may have no name, because such columns are not used.
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:
         raise ValueError(f"{path}: {', '.join(map(repr, repeated))} names several columns")
-    for line, row in numbered[1:]:
+    for line, row in zip(lines, rows, strict=True):
         if len(row) != len(names):
             raise ValueError(f"{path}: line {line} has {len(row)} values, must have {len(names)}")
     values = np.array(rows[1:], dtype=np.str_).reshape(-1, len(names))
     columns = {name: np.char.strip(values[:, index]) for index, name in enumerate(names)}
     return Located(columns, np.array(lines[1:], dtype=np.int64), path)
+
+
+def _without_comments(numbered: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Return lines of a file without the comments above the names.
+
+    The last comment is the names themselves where it has ``time`` and the line below has not: so
+    does `numpy.savetxt` write them.
+    """
+    comments = [*takewhile(lambda each: each[1][0].lstrip().startswith("#"), numbered)]
+    if not comments:
+        return numbered
+    line, (first, *others) = comments[-1]
+    names, rest = [first.lstrip(" #"), *others], numbered[len(comments) :]
+    has_time, below = (
+        "time" in map(str.strip, each) for each in (names, rest[0][1] if rest else ())
+    )
+    return [(line, names), *rest] if not rest or (has_time and not below) else rest
 
 
 def numbers(columns: Columns, name: str, column: Column | None = None) -> FloatArray:
@@ -169,13 +191,16 @@ def require_column(columns: Columns, name: str, advice: str = "") -> Column:
 def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
     """Return a column of times in nanoseconds from seconds, dates, or texts of either.
 
-    Times are rounded to microseconds, so that seconds since 1970 as floats are reproduced.
+    Times are rounded to microseconds, so that seconds since 1970 as floats are reproduced. Texts
+    such as 10:07:03.5 are times of day, which go on at midnight.
 
     Raise `ValueError` if the column is missing or contains a value that is not a time.
     """
     column = require_column(columns, name, f"; rename that of the times to {name}")
     if column.dtype.kind in "US" and not _all_numbers(column):
-        column = _dates(name, columns)
+        of_day = [*filter(None, map(_TIME_OF_DAY.fullmatch, column.tolist()))]
+        is_date = len(of_day) < len(column)
+        column = _dates(name, columns) if is_date else np.array([*map(_of_day, of_day)])
     elif column.dtype.kind == "O":
         column = np.array([_since_1970(value) for value in column.tolist()], dtype=object)
     elif column.dtype.kind == "m":
@@ -201,37 +226,74 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
     return 1000 * micros
 
 
-def _unit(time: float) -> str:
-    """Return the words for the unit in which a number is a time since 1970; empty if in none."""
+def _of_day(found: re.Match[str]) -> float:
+    """Return the seconds of a `_TIME_OF_DAY`."""
+    hour, minute, second = map(float, found[0].replace(",", ".").split(":"))
+    return 3600.0 * hour + 60.0 * minute + second
+
+
+def _unit(number: float) -> str:
+    """Return the words for what a number is as a time since 1970; empty if it is none."""
     for factor, unit in UNITS.items():
         # Times since 1970 of which the unit is sought are later.
-        if 3e8 < time / factor < LATEST_S:
+        if 3e8 < number / factor < LATEST_S:
             return f"; probably these are {unit}: divide them by {factor:.0f}"
+    # Minutes, seconds or milliseconds may be the last digits.
+    date = r"(?:19|20)\d\d(?:0[1-9]|1[0-2])[0-3]\d[0-2]\d[0-5]\d(?:\d\d(?:\d{3})?)?"
+    if re.fullmatch(date, f"{number:.0f}"):
+        return "; probably these are the digits of dates: write them as 2026-01-31T12:00:00"
     return ""
+
+
+def _are_digits(seconds: FloatArray) -> bool:
+    """Return whether times are the digits of a clock: hours, minutes and seconds in one number.
+
+    Then they leave out what is from 60 on in each hundred, and step over it as over any time. The
+    last digits may be hundredths or thousandths; hours and minutes alone look as minutes and
+    seconds do.
+    """
+    plain = np.unique(seconds)
+    for unit in (1.0, 100.0, 1000.0):
+        hours, rest = np.divmod(plain / unit, 10_000.0)
+        minutes, second = np.divmod(rest, 100.0)
+        if not ((hours <= 24.0) & (minutes < 60.0) & (second < 60.0)).all():
+            continue
+        read = 3600.0 * hours + 60.0 * minutes + second
+        # After the last time of a day comes the first one.
+        steps = np.diff(read, append=read[0] + 86_400.0)
+        larger = np.diff(plain / unit, append=plain[0] / unit + 240_000.0) > 1.001 * steps + 1.0
+        # Steps are as usual there, and much shorter than what is left out.
+        most = min(2.0 * float(np.quantile(steps, 0.9)), 10.0)
+        if np.mean(steps[larger] <= most) >= 0.5:
+            return True
+    return False
 
 
 def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
     """Raise `ValueError` if times are rounded as coarsely as they follow, or digits of a clock."""
     latest, steps = seconds.max(), np.diff(np.unique(seconds))
     usual = float(np.median(steps)) if len(steps) else LONGEST_STEP_S
-    # Times that follow each other closely are not all in the first sixty of a hundred seconds.
-    hundreds, rest = np.divmod(seconds, 100.0)
-    if usual < 10.0 and 50.0 <= rest.max() < 60.0 and len(np.unique(hundreds)) >= 4:
+    if _are_digits(seconds):
         raise ValueError(
-            f"{name}: {seconds[0]:g} in the first row, no time is 60 to 99 s after a multiple of "
-            "100: probably hours, minutes and seconds in one number; must be seconds or dates"
+            f"{name}: {seconds[0]:.15g} in the first row, and none is 60 to 99 after a multiple of "
+            "100: probably hours, minutes and seconds in one number; must be seconds, dates, or "
+            "times of day such as 10:07:03.5"
         )
-    usual = min(max(usual, SHORTEST_STEP_S), LONGEST_STEP_S)
     single = float(np.spacing(np.float32(latest)))
-    # Doubles that are all of single precision, from 5e8 s on, have been of that type before.
+    # Doubles that are all of single precision, from 5e8 s on, have been of that type before, unless
+    # they are a few round numbers.
     surely_coarse_s = 32.0
     if column.dtype.kind == "f" and column.dtype.itemsize < 8:
         resolution, given = float(np.spacing(column.max())), str(column.dtype)
-    elif len(seconds) > 1 and single > surely_coarse_s and (np.float32(seconds) == seconds).all():
+    elif (
+        surely_coarse_s < single
+        and usual < 100.0 * single
+        and (np.float32(seconds) == seconds).all()
+    ):
         resolution, given = single, "float32, whatever the column's type is now"
     else:
         return
-    if resolution > 0.5 * usual:
+    if resolution > 0.5 * min(max(usual, SHORTEST_STEP_S), LONGEST_STEP_S):
         raise ValueError(
             f"{name}: rounded to {resolution:g} s, because {latest:.0f} s is of type {given}: must "
             "be of type float64 from the start, dates, or seconds from a time nearby"
@@ -254,9 +316,10 @@ def _unrolled(name: str, columns: Columns, seconds: FloatArray) -> FloatArray:
             continue
         found = np.unwrap(seconds, period=turn)
         # The clock began again only if the step back is a whole turn of it within this share, and
-        # all times together are less than half a turn.
+        # all times together are less than half a turn, or a turn if it is the only such step.
         whole = (np.abs(np.abs(large) - turn) < turn / 24.0).all()
-        if whole and found.min() >= 0.0 and np.ptp(found) < 0.5 * turn:
+        most = (0.5 if len(large) > 1 else 1.0) * turn
+        if whole and found.min() >= 0.0 and np.ptp(found) < most:
             row = int(np.argmin(steps)) + 1
             warnings.warn(
                 f"{name}: steps back by {-steps[row - 1]:g} in {place_of(columns, row)}; taken for "
@@ -276,6 +339,8 @@ def rows_by_stamp(stamps: IntArray) -> list[IntArray]:
 
 def _since_1970(value: Any) -> Any:
     """Convert a date of Python or pandas to seconds since 1970; the default time zone is UTC."""
+    if isinstance(value, time):
+        return 3600.0 * value.hour + 60.0 * value.minute + value.second + 1e-6 * value.microsecond
     if not isinstance(value, datetime) or value != value:  # NaT of pandas is a datetime.
         return value
     return (value if value.tzinfo else value.replace(tzinfo=timezone.utc)).timestamp()
@@ -302,13 +367,16 @@ def _dates(name: str, columns: Columns) -> Column:
         if leap:
             local = local[: found.start(2)] + "59" + local[found.end(2) :]
         ahead = np.timedelta64(int(f"{sign}1") * (60 * int(hours) + int(minutes)), "m")
-        return np.datetime64(local, "ns") - ahead + np.timedelta64(int(leap), "s")
+        return np.datetime64(local.replace(",", "."), "ns") - ahead + np.timedelta64(int(leap), "s")
 
     try:
         return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")
     except ValueError:
         usual = float if _all_numbers(column[:1]) else date
-        what = "seconds or a date such as 2026-01-31T12:00:00.5, as all in its column"
+        what = (
+            "seconds, a date such as 2026-01-31T12:00:00.5, or a time of day such as 12:00:00.5, "
+            "as all in its column"
+        )
         raise _invalid(name, column, columns, usual, what) from None
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -294,8 +293,8 @@ def _report_path(given: str) -> Path | None:
         _require_replaceable(path)
     except OSError as error:
         raise ConfigError(f"report: {given} given, {error.filename}: {error.strerror}") from error
-    if not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
-        raise ConfigError(f"report: {given} given, cannot be written")
+    if lack := output_files.why_closed(path.parent):
+        raise ConfigError(f"report: {given} given, {lack}")
     return path
 
 

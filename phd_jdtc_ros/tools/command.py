@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros import interruption, resources
+from phd_jdtc_ros import interruption, output_files, resources
 from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
@@ -163,9 +163,16 @@ def require_least(arguments: argparse.Namespace, lowest: Mapping[str, float]) ->
 
 
 def require_new(what: str, path: Path) -> None:
-    """Raise `BagError` if a bag, or what else is to be written, exists."""
+    """Raise `BagError` if a bag, or what else is to be written, exists or cannot be made."""
     if os.path.lexists(path):
         raise BagError(f"{path}: already exists, {what} is not overwritten")
+    require_directory(path, path.parent)
+
+
+def require_directory(path: Path, above: Path | None = None) -> None:
+    """Raise `BagError` if no files can be made in a directory, or in the one `above` it."""
+    if lack := output_files.why_closed(above or path, parents=True):
+        raise BagError(lack if lack.startswith(f"{path} ") else f"{path}: cannot be made, {lack}")
 
 
 def recorded_parameters(

@@ -134,12 +134,12 @@ def main(argv: Sequence[str]) -> int:
     def work(arguments: argparse.Namespace) -> int:
         if len(arguments.bags) < 2:
             raise ConfigError("BAG: one given, must be two or more")
+        command.require_new("a bag", arguments.out)
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
         if not 0.0 <= arguments.smoothed_wait <= settings.LONGEST_S:
             bounds = f"must be from 0 to {settings.LONGEST_S:g}"
             raise ConfigError(f"--smoothed-wait: {arguments.smoothed_wait} given, {bounds}")
         _require_common(paths, configs, regions)
-        command.require_new("a bag", arguments.out)
         runs = [_run(path, config) for path, config in zip(paths, configs, strict=True)]
         found = join(runs, regions, settings.hysteresis(regions), arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])

@@ -51,6 +51,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
     `out` gets ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``; `backend`
     is a function of tasks and of the callback for outcomes.
     """
+    command.require_directory(out / "parts")
     console = Console()
     store = Store(out / "parts")
     left = tasks.remaining(plan.tasks, store)

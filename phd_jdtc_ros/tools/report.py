@@ -11,7 +11,6 @@ from typing import Any
 from rich.console import Console
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.evaluation.run_scores import ORDER, Evaluation
@@ -39,9 +38,8 @@ def write(
     The report of a damaged bag shows the intact part. Without a `summary`, the figures of the run,
     it is computed from the bag. `cutoff` is c of OSPA, metres.
     """
+    command.require_directory(out)
     run = load.record(bag, config)
-    if out.exists() and not out.is_dir():
-        raise BagError(f"{out}: is a file, must be a directory")
     if run.class_fault:
         print(f"report: {run.class_fault}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)

@@ -233,6 +233,11 @@ def main(argv: Sequence[str]) -> int:
 
     def work(arguments: argparse.Namespace) -> int:
         command.require_least(arguments, {"seed": 0})
+        command.require_new("a bag", arguments.out)
+        sent_to: Path | None = arguments.asterix
+        output_files.require_new(
+            {"--asterix": sent_to, "--reports": arguments.reports}, arguments.out
+        )
         path = arguments.scenario = arguments.scenario or resources.find(REFERENCE)
         document = yaml_files.load(path)
         config = command.tracker_config(arguments)
@@ -240,7 +245,6 @@ def main(argv: Sequence[str]) -> int:
         run = scenario_file.resolve(document, radars)
         check_platform(run, config)
         check_sites(config.radars)
-        sent_to: Path | None = arguments.asterix
         if sent_to is not None:
             asterix_writing.check(run)
         faults: list[str] = []
@@ -249,9 +253,6 @@ def main(argv: Sequence[str]) -> int:
         if faults:
             raise ConfigError(*faults)
         self_reports.check(receptions, config.receivers)
-        output_files.require_new(
-            {"--asterix": sent_to, "--reports": arguments.reports}, arguments.out
-        )
         told = {
             own.name: self_reports.received(run, receptions[own.name], own, arguments.seed)
             for own in config.receivers

@@ -349,14 +349,15 @@ def main(argv: Sequence[str]) -> int:
 
     def work(arguments: argparse.Namespace) -> int:
         source = resources.bag(arguments.bag)
-        config = _config(arguments, source)
+        command.require_new("a bag", arguments.out)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
+        output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
+        config = _config(arguments, source)
         if "geojson" in files and config.known_plane is None:
             raise ConfigError(
                 "--geojson: given without world_origin, which it needs: the latitude and "
                 "longitude of the world frame's origin"
             )
-        output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         bag = BagReader(source)
         command.use_clock(bag, config, arguments.clock)
         tracker = track_bag(bag, config, arguments.out)

@@ -1,6 +1,6 @@
 """Tables of users, of scenarios, and of tracks beside the truth."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import datetime, time, timedelta, timezone
 
 import crossing
 import numpy as np
@@ -82,8 +82,8 @@ def test_columns_of_reports_what_does_not_fit(table, said):
     [
         (b"", "is empty"),
         (b"time,range\n1,2\n3\n", "line 3 has 1 values, must have 2"),
-        (b"time;range\n1,5;2,5\n", "';' in the first line, must be names and commas"),
-        (b"# radar 1\ntime,range\n1,2\n", "'#' in the first line, must be names and commas"),
+        (b"time;range\n1,5;2,5\n", "';' in line 1, must be names and commas"),
+        (b"# radar 1\ntime range\n1 2\n", "' ' in line 2, must be names and commas"),
         (b"time,range,range,,\n1,2,3,,\n", "'range' names several columns"),
         ("time,d\u00e9tection\n".encode("latin-1"), ".*; must be a CSV file in UTF-8"),
         ("time,range\n".encode("utf-16"), ".*; must be a CSV file in UTF-8"),
@@ -98,9 +98,27 @@ def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
 
 
 @pytest.mark.parametrize(
+    "above",
+    [
+        "# radar 1, 2026-01-31\n# metres, radians\ntime,range",
+        " # by hand\n\n#time,range",
+        "# time,range",  # As by numpy.savetxt
+    ],
+)
+def test_comments_above_the_names_of_a_csv_are_no_names(tmp_path, above):
+    path = tmp_path / "detections.csv"
+    path.write_text(f"{above}\n1,2\n,x\n")
+    columns = columns_of(path)
+    assert [*columns] == ["time", "range"]
+    line = 2 + above.count("\n") + 1
+    with pytest.raises(ValueError, match=f"range: 'x' in line {line} of"):
+        numbers(columns, "range")
+
+
+@pytest.mark.parametrize(
     ("lines", "said"),
     [
-        (NINE + "soon,north,2.0\n", "time: 'soon' in line 12 of .*csv, must be seconds or a date"),
+        (NINE + "soon,north,2.0\n", "time: 'soon' in line 12 of .*csv, must be seconds, a date"),
         (NINE + "2026-01-01,north,2.0\n", "time: '2026-01-01' in line 12 of .*csv, must be"),
         (NINE + ",north,2.0\n", "time: '' in line 12 of .*csv, must be a time from 0 s on"),
         (NINE + "-1,north,2.0\n", "time: '-1' in line 12 of .*csv, must be a time from 0 s on"),
@@ -172,18 +190,42 @@ def test_stamps_are_seconds_or_dates(column):
     assert stamps_ns(columns_of({"time": column})).tolist() == [1_700_000_000_250_000_000]
 
 
+@pytest.mark.parametrize(
+    "times",
+    [
+        ["9:59:59.5", "23:59:59,25", "24:00:00", "23:59:60"],
+        [b"9:59:59.5", b"23:59:59.25", b"24:00:00", b"23:59:60"],
+        [time(9, 59, 59, 500_000), time(23, 59, 59, 250_000), 86_400, 86_400.0],
+    ],
+    ids=["texts", "bytes", "objects"],
+)
+def test_times_of_day_are_seconds_of_the_day(times):
+    found = stamps_ns(columns_of({"time": times}))
+    assert (found / 1e9).tolist() == [35_999.5, 86_399.25, 86_400.0, 86_400.0]
+
+
+@pytest.mark.parametrize(("begin", "count"), [("23:59:58", 3), ("18:00:00", 20 * 3600)])
+def test_times_of_day_go_on_after_midnight(begin, count):
+    first = sum(
+        int(part) * size for part, size in zip(begin.split(":"), (3600, 60, 1), strict=True)
+    )
+    day = [divmod(divmod(second % 86_400, 60)[0], 60) for second in range(first, first + count)]
+    texts = [f"{h:02d}:{m:02d}:{(first + k) % 60:02d}" for k, (h, m) in enumerate(day)]
+    with pytest.warns(UserWarning, match="seconds of the day, so that times go on after 86400"):
+        found = stamps_ns(columns_of({"time": texts}))
+    assert (found == (first + np.arange(count)) * 10**9).all()
+
+
 def test_leap_second_is_the_next_one():
     times = ["2016-12-31T23:59:59", "2016-12-31T23:59:60.5Z", "2017-01-01"]
     found = stamps_ns(columns_of({"time": times}))
     assert (np.diff(found) / 1e9).tolist() == [1.5, -0.5]
 
 
-@pytest.mark.parametrize(
-    "text", ["2026-01-31 12:00:00,500", "2026-01-31 12:00:00 CET", "31.01.2026"]
-)
+@pytest.mark.parametrize("text", ["10:07:03 AM", "2026-01-31 12:00:00 CET", "31.01.2026"])
 @pytest.mark.filterwarnings("error")
 def test_dates_of_other_forms_are_named(text):
-    with pytest.raises(ValueError, match=r"time: '.*' in row 1, must be seconds or a date such as"):
+    with pytest.raises(ValueError, match=r"time: '.*' in row 1, must be seconds, a date such as"):
         stamps_ns(columns_of({"time": [text]}))
 
 
@@ -206,14 +248,36 @@ def test_times_that_were_of_single_precision_are_refused(kind):
         stamps_ns({"time": time})
 
 
-@pytest.mark.parametrize("step", [0.5, 6.0])
-def test_hours_minutes_and_seconds_in_one_number_are_named(step):
-    clock = 36_000.0 + np.arange(0.0, 600.0, step)
+@pytest.mark.parametrize("unit", [1.0, 100.0, 1000.0], ids=["s", "hundredths", "milliseconds"])
+@pytest.mark.parametrize(
+    ("begin", "end", "step"),
+    [(36_000, 36_600, 0.5), (36_000, 36_600, 6), (35_980, 36_020, 1), (86_380, 86_420, 1)],
+)
+def test_digits_of_a_clock_in_one_number_are_named(begin, end, step, unit):
+    clock = np.arange(begin, end, step) % 86_400.0
     minutes, seconds = np.divmod(clock, 60.0)
     digits = minutes // 60 * 10_000 + minutes % 60 * 100 + seconds
     with pytest.raises(ValueError, match="hours, minutes and seconds in one number"):
-        stamps_ns({"time": digits})
-    assert len(stamps_ns({"time": clock})) == len(clock)
+        stamps_ns({"time": unit * digits})
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 4.0, 20.0, 60.0, 100.0])
+def test_times_with_a_pause_are_no_digits_of_a_clock(step):
+    times = np.arange(0.0, 50.0, step)
+    for pause in (10.0, 30.0, 51.0, 70.0, 4050.0, 9950.0):
+        paused = np.concatenate([times, times[-1] + pause + times])
+        assert (stamps_ns({"time": paused}) == 1e9 * paused).all()
+
+
+def test_digits_of_a_date_are_named():
+    with pytest.raises(ValueError, match="digits of dates: write them as 2026-01-31T12:00:00"):
+        stamps_ns({"time": np.array([20260131100703, 20260131100704])})
+
+
+def test_a_few_round_times_are_not_of_single_precision():
+    times = np.array([1e9, 1e9 + 86_400.0])
+    assert np.array_equal(np.float32(times), times)
+    assert (stamps_ns({"time": times}) == 1e9 * times).all()
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from msg_adapters.incoming.moving_radars import MovingRadars
 from msg_adapters.incoming.readers import Reader, reader_of
 from msg_adapters.outgoing import manual
 from msg_adapters.outgoing.outputs import CONFLICTS, MANUAL, SCAN, STEP, StepResult
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.calibration.comparison import Comparison, Monitor
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
@@ -115,10 +116,9 @@ class LiveTracker:
                 f"checkpoint.path: {values['checkpoint.path']} given, must be empty with engine "
                 f"{engine}"
             )
-        # Without permission pathlib raises, and os.path returns False.
         path = Path(os.path.expanduser(values["checkpoint.path"]))
-        if not os.path.isdir(path.parent):
-            raise ConfigError(f"checkpoint.path: {path} given, {path.parent} is no directory")
+        if lack := output_files.why_closed(path.parent):
+            raise ConfigError(f"checkpoint.path: {path} given, {lack}")
         try:
             require_replaceable(path)
         except OSError as error:
