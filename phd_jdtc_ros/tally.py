@@ -217,7 +217,7 @@ class Tally:
                 yield index, anomalies.no_amplitude(radar)
             if self._revolutions_s[index]:
                 yield index, anomalies.revolution_found(radar, self._revolutions_s[index])
-            for text in anomalies.of(radar, self._warned[index]):
+            for text in anomalies.of(radar, anomalies.likely(self._warned[index])):
                 yield index, text
             if index in self._clocks_off:
                 yield index, anomalies.clock_off(self._clocks_off[index])

@@ -173,9 +173,10 @@ class Tracker:
         counts = [DetectionCounts() for _ in config.inputs]
         checks = config.report_checks()
         for index, report in reports_of(columns, config):
-            reports.setdefault(index, []).append((report.stamp_ns, report.detections))
             counts[index].read(len(report.detections), report.dropped)
             noticed = set(checks[index].add(report.detections)) & {*NOT_IN_RECORDINGS}
+            used = checks[index].used(report.detections)
+            reports.setdefault(index, []).append((report.stamp_ns, used))
             tally.on_anomalies(index, report.anomalies + Counter(noticed))
         about: dict[int, list[str]] = {}
         if text:

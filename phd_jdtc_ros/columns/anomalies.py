@@ -26,7 +26,8 @@ RECOVERED_DETECTION, RECOVERED_NOISE = 0.85, 1.3
 # Anomalies of single detections, and of single clouds, of which a few are normal.
 OF_DETECTIONS = frozenset(
     {
-        *("azimuths_beyond_a_turn", "azimuths_no_angles", "ranges_negative", "fields_swapped"),
+        *("azimuths_beyond_a_turn", "azimuths_in_gradians", "azimuths_in_mils"),
+        *("azimuths_no_angles", "ranges_negative", "fields_swapped"),
         "detections_repeated",
         *("heights_unknown", "deviations_unusable", "identities_unusable", "range_rates_unusable"),
         "heights_unusable",
@@ -43,6 +44,23 @@ OF_CLOUDS = frozenset(
 # cloud of a fixed size may be nearly all padding, but not always.
 MANY = 0.05
 NORMAL = {"heights_unknown": 0.5, "elevations_unknown": 0.5, f"dropped_{PADDING}": 0.9999}
+
+
+# The shares of azimuths of a unit that show it, by what is said of the others of its turn.
+UNITS_OF_AZIMUTHS = {
+    "azimuths_in_gradians": {"azimuths_beyond_a_turn": 0.05},
+    "azimuths_in_mils": {"azimuths_beyond_a_turn": 0.05, "azimuths_no_angles": 0.2},
+}
+
+
+def likely(counts: Mapping[str, float]) -> dict[str, Any]:
+    """Return counts, or shares, without those of azimuths that another unit explains."""
+    kept = {**counts}
+    for unit, others in UNITS_OF_AZIMUTHS.items():
+        for other, share in others.items():
+            if unit in kept and other in kept:
+                del kept[other if kept[unit] > share * kept[other] else unit]
+    return kept
 
 
 def of(sensor: SensorParameters, counts: Mapping[str, int]) -> Iterator[str]:
@@ -243,7 +261,7 @@ def _words(component: str) -> str:
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     if radar.units.in_degrees:
         azimuths = counted(count, "azimuth[s]")
-        return f"{azimuths} beyond 360 degrees; are they degrees, and not gradians?"
+        return f"{azimuths} beyond 400 degrees; are they degrees?"
     cause = (
         f"degrees, set {radar.name}.units.azimuth to deg"
         if radar.named_fields
@@ -298,6 +316,10 @@ _MISSING = {
 # the parameters of a sensor of the kind that has the anomaly, and of the number.
 _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
+    "azimuths_in_gradians": "{count} azimuth[s] from 360 to 400; if they are gradians, multiply "
+    "them by 0.9, with units.azimuth deg",
+    "azimuths_in_mils": "{count} azimuth[s] from 4096 to 6400; if they are mils, multiply them by "
+    "2 pi / 6400, or by 0.001 if they are milliradians, with units.azimuth rad",
     "azimuths_no_angles": f"{{count}} azimuth[s] beyond {NO_ANGLE:g}, neither radians nor degrees; "
     "convert mils or the counts of an encoder, and let NaN stand for what is unknown",
     "ranges_negative": "{count} negative range[s], which [is|are] not used",
@@ -325,8 +347,9 @@ _TEXTS: Mapping[str, str | Callable[[Any, int], str]] = {
     "reports_nearly_repeated": "{count} cloud[s] that [repeats|repeat] the detections of the cloud "
     "before under another stamp, a little apart; targets may have several tracks. Is every cloud "
     "recorded twice?",
-    "positions_constant": "{count} cloud[s] with a place whose x and y are one number, as in the "
-    "cloud before; if it means an unknown place, let it be NaN",
+    "positions_constant": "{count} cloud[s] with a place of exactly the same numbers as before, "
+    "such as -999 in both; unless measurements are rounded it is not used: let NaN stand for what "
+    "is unknown",
     "heights_unknown": lambda radar, count: (
         f"{counted(count, 'detection[s]')} without a height; {_without_height(radar)}"
     ),

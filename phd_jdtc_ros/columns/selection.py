@@ -166,13 +166,19 @@ def _strange_places(
     """
     distance, azimuth = columns["range"], columns["azimuth"]
     negative = is_place & (distance < 0.0)
-    no_angle = beyond & np.isfinite(azimuth) & (np.abs(azimuth) > NO_ANGLE)
+    size = np.where(beyond & np.isfinite(azimuth), np.abs(azimuth), 0.0)
+    no_angle = size > NO_ANGLE
+    # A turn has 360 degrees, 400 gradians or 6400 mils, and often 4096 counts of an encoder.
+    gradians = (size > 360.0 * (1.0 + 1e-6)) & (size <= 400.0)
+    mils = (size > 4096.0) & (size <= 6400.0)
     may_be_angles = (np.abs(distance[is_place & np.isfinite(distance)]) <= NO_ANGLE).all()
     if may_be_angles and beyond.any() and (negative | no_angle).any():
         return {"fields_swapped": _count(negative | no_angle)}
     return {
-        "azimuths_beyond_a_turn": 0 if no_angle.any() else _count(beyond & kept),
-        "azimuths_no_angles": _count(no_angle),
+        "azimuths_beyond_a_turn": 0 if no_angle.any() else _count(beyond & kept & ~gradians),
+        "azimuths_in_gradians": 0 if no_angle.any() else _count(kept & gradians),
+        "azimuths_in_mils": _count(mils),
+        "azimuths_no_angles": _count(no_angle & ~mils),
         "ranges_negative": _count(negative),
     }
 

@@ -15,7 +15,15 @@ from typing import NamedTuple, TypeAlias
 
 from .engine import Engine, OnFiltered, Step, ignore_filtered
 from .intake.clocks import CLOCK, Clocks, SentReport
-from .intake.input_checks import NO_SECTORS, REPEATED, TWINS, ReportCheck, ResultCheck, TwinCheck
+from .intake.input_checks import (
+    CONSTANT,
+    NO_SECTORS,
+    REPEATED,
+    TWINS,
+    ReportCheck,
+    ResultCheck,
+    TwinCheck,
+)
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import Platform, PosedReports
 from .intake.poses import PoseFault
@@ -211,6 +219,8 @@ class Pipeline:
         if REPEATED in noticed and not revolutions.is_behind(stamp_ns):
             self._grouper.note_live(radar)
             return self._events([])
+        if CONSTANT in noticed:
+            detections = sensor.check.used(detections)
         revolutions.anomalies[TWINS] += sensor.twins.add(
             detections, self._configured[0].radars[radar]
         )

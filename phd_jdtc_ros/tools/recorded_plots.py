@@ -99,7 +99,7 @@ def read(
             dropped[report.radar]["pose_missing"] += 1
             without[report.radar] = moving.missing(report.radar)
             continue
-        radar, detections = report.radar, report.detections
+        radar, detections = report.radar, checks[report.radar].used(report.detections)
         if isinstance(inputs[radar], PositionParameters):
             places[radar].append(detections.measurement)
         farthest[radar] = max(farthest[radar], detections.measurement[:, 0].max(initial=0.0))
@@ -128,7 +128,10 @@ def read(
             for sensor, far, area in zip(inputs, farthest, areas, strict=True)
         },
         {
-            radar.name: [*anomalies.of(radar, own), *filter(None, [without.get(index)])]
+            radar.name: [
+                *anomalies.of(radar, anomalies.likely(own)),
+                *filter(None, [without.get(index)]),
+            ]
             for index, (radar, own) in enumerate(zip(inputs, found, strict=True))
         },
         intact.damage,

@@ -32,6 +32,8 @@ FIELD_DETECTIONS = 200
 COPIED_DETECTIONS = 5
 # Finding: a report is a copy of the one before, and no new look.
 REPEATED = "reports_repeated"
+# Finding: a place that stands for an unknown one, such as -999 in both coordinates, comes again.
+CONSTANT = "positions_constant"
 # Finding: reports cover a part of the revolution each, and no sectors are configured.
 NO_SECTORS = "sectors_not_configured"
 # Finding: a report is nearly a copy of the one before, with other rounding or a little noise.
@@ -44,8 +46,8 @@ NEAR, COPIES, LEAST_COMPARED = 0.1, 0.3, 20
 COMPARED, COMPARED_OF = 100, 1000
 # The findings that contradict what no recording shows; the others contradict what it does.
 NOT_IN_RECORDINGS = (
-    *("azimuths_in_radians", "azimuths_in_turns", "positions_constant"),
-    *(REPEATED, NEARLY_REPEATED),
+    *("azimuths_in_radians", "azimuths_in_turns"),
+    *(CONSTANT, REPEATED, NEARLY_REPEATED),
 )
 # A revolution in radians, if it is taken for degrees.
 RADIANS_AS_DEGREES = math.radians(FULL_TURN)
@@ -186,6 +188,10 @@ class ReportCheck:
         self._added += 1
         return noticed
 
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections of a report without those of unknown places, once these show."""
+        return detections
+
     def _shows_copy(self, detections: Detections) -> bool:
         """Return whether a report that repeats the one before shows that it is a copy."""
         return True
@@ -201,19 +207,37 @@ class PositionReportCheck(ReportCheck):
 
     _rounding: Rounding = field(init=False, default_factory=Rounding)
 
-    def add(self, detections: Detections) -> list[str]:
-        """Return the names of the findings in a report: also ``positions_constant``.
+    # Points with coordinates of one size: the last ones, and those that stand for unknown places.
+    _alike: FloatArray = zeros_field(0, 2)
+    _unknown: FloatArray = zeros_field(0, 2)
+    # How many others have been compared with those of the report before, and were equal to one.
+    _others: int = field(init=False, default=0)
+    _equal: int = field(init=False, default=0)
 
-        A measured place has no two equal coordinates again and again, but -999 in both stands for
-        an unknown one.
+    def add(self, detections: Detections) -> list[str]:
+        """Return the names of the findings in a report: also `CONSTANT`.
+
+        No target is measured again at exactly one place whose x and y are of one size, such as -999
+        or 0 in both, where none of the others is measured at its place again.
         """
         place, noticed = detections.measurement, list[str]()
         if self._before is not None and not is_copy(detections, self._before):
             self._rounding.note(place, self._before.measurement)
-            equal = place[place[:, 0] == place[:, 1], 0]
-            if len(equal) and np.isin(equal, self._before.measurement[:, 0]).any():
-                noticed.append("positions_constant")
+        alike = np.abs(place[:, 0]) == np.abs(place[:, 1])
+        if self._before is not None and self._others - self._equal < COPIED_DETECTIONS:
+            self._others += int(np.count_nonzero(~alike))
+            self._equal += int(_among(place[~alike], self._before.measurement).sum())
+        if True in alike:
+            again = _among(place[alike], self._alike)
+            self._alike, self._unknown = place[alike], place[alike][again]
+            noticed += [CONSTANT] if True in again else []
         return noticed + super().add(detections)
+
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections of a report without those of unknown places."""
+        if self._equal or self._others < COPIED_DETECTIONS:
+            return detections
+        return detections.take(np.flatnonzero(~_among(detections.measurement, self._unknown)))
 
     def _shows_copy(self, detections: Detections) -> bool:
         """Return whether rounding does not explain that a report repeats the one before."""
@@ -317,6 +341,12 @@ class RadarReportCheck(ReportCheck):
         seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
         # Largest arc of these detections, in revolutions.
         return smallest_arc(seen)[1] < 0.4 * FULL_TURN
+
+
+def _among(measurement: FloatArray, others: FloatArray) -> BoolArray:
+    """Return which measurements, (M, Z), are exactly one of others, (K, Z)."""
+    equal = (measurement[:, None] == others).all(axis=2)
+    return np.asarray(equal.any(axis=1), dtype=np.bool_)
 
 
 def is_copy(found: Detections, before: Detections) -> bool:

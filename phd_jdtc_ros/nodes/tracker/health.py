@@ -149,7 +149,7 @@ class InputHealth:
             normal = anomalies.NORMAL.get(what, anomalies.MANY)
             if share > (recovered * normal if what in self._many else normal):
                 many[what] = share
-        self._many = many
+        self._many = anomalies.likely(many)
         return self._many
 
     def lost_by_overload(self, now_s: float) -> int:

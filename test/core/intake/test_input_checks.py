@@ -239,6 +239,34 @@ def test_number_that_stands_for_an_unknown_place_is_noticed(unknown):
     assert not noticed(PositionReportCheck(), crossing)
 
 
+@pytest.mark.parametrize("marked", [(-999.0, -999.0), (0.0, 0.0), (9999.0, -9999.0)])
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_repeated_number_for_unknown_places_is_no_detection(marked, every):
+    rng, check = np.random.default_rng(5), PositionReportCheck()
+    for k in range(12):
+        others = rng.uniform(-50.0, 50.0, (1 + k % 4, 2))
+        filled = places(*others, *([marked] if k % every == 0 else []))
+        check.add(filled)
+        # Five others have to show first that nothing else repeats.
+        assert len(check.used(filled)) == (len(filled) if k < 2 else len(others))
+
+
+def test_a_target_at_rest_without_noise_stays_a_detection():
+    check = PositionReportCheck()
+    for _ in range(12):
+        alone = places((0.0, 0.0))
+        check.add(alone)
+        assert len(check.used(alone)) == 1
+
+
+def test_rounded_places_of_targets_at_rest_stay_detections():
+    rng, check = np.random.default_rng(5), PositionReportCheck()
+    for _ in range(6):
+        standing = places((2.0, 2.0), (7.0, -3.0), *rng.uniform(-50.0, 50.0, (2, 2)))
+        check.add(standing)
+        assert len(check.used(standing)) == 4
+
+
 def test_targets_at_rest_show_that_other_positions_are_rounded_too():
     # Degrees that were rounded, and then converted: no step of metres, but the same again.
     rng = np.random.default_rng(6)

@@ -1,3 +1,5 @@
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -189,6 +191,25 @@ def test_from_msg_counts_azimuths_beyond_a_revolution_that_probably_are_degrees(
     assert not read(points, azimuth_in_degrees=True).anomalies
 
 
+@pytest.mark.parametrize("in_degrees", [False, True])
+@pytest.mark.parametrize(
+    ("turn", "unit"),
+    [
+        *((360, "beyond_a_turn"), (400, "in_gradians"), (6400, "in_mils")),
+        *((4096, "no_angles"), (65536, "no_angles")),
+    ],
+)
+def test_units_of_azimuths_are_named_by_the_size_of_a_turn(turn, unit, in_degrees):
+    rng, counts = np.random.default_rng(turn), Counter()
+    for _ in range(60):
+        points = [(3e3, azimuth, 4.0) for azimuth in turn * rng.random(5)]
+        counts += read(points, azimuth_in_degrees=in_degrees).anomalies
+    found = {*anomalies.likely(counts)}
+    # Some clouds alone could be of degrees.
+    found -= {"azimuths_beyond_a_turn"} if unit == "no_angles" else set()
+    assert found == (set() if in_degrees and turn == 360 else {f"azimuths_{unit}"})
+
+
 @pytest.mark.parametrize("azimuth_in_degrees", [False, True])
 def test_from_msg_counts_ranges_and_azimuths_that_are_swapped(azimuth_in_degrees):
     points = [(azimuth, 1e3, 4.0) for azimuth in (-3.0, -1.0, 2.0)]
@@ -204,7 +225,11 @@ def test_from_msg_counts_ranges_and_azimuths_that_are_swapped(azimuth_in_degrees
 def test_from_msg_takes_no_fields_for_swapped_whose_ranges_cannot_be_angles():
     # Mils, 6400 a turn, and a range of the wrong sign.
     report = read([(1e3, 6399.0, 4.0), (2e4, 800.0, 4.0), (-5e3, 10.0, 4.0), (3e3, 1.0, 4.0)])
-    assert report.anomalies == {"azimuths_no_angles": 2, "ranges_negative": 1}
+    assert report.anomalies == {
+        "azimuths_in_mils": 1,
+        "azimuths_no_angles": 1,
+        "ranges_negative": 1,
+    }
     texts = [*anomalies.of(radar(), report.anomalies)]
     assert "mils" in texts[0]
     assert not any("swapped" in text for text in texts)
