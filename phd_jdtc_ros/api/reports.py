@@ -267,7 +267,7 @@ def told_of(columns: Columns, config: TrackerConfig) -> list[tuple[int, Told]]:
         rows = np.flatnonzero(whose == own.name)
         mine = {name: column[rows] for name, column in sent.items()}
         told = report_selection.select(None, own, mine)
-        if text := _of_stopped_clock(told.reports):
+        for text in filter(None, (_of_stopped_clock(told.reports), *_of_units(mine, told))):
             warnings.warn(f"reports: {text}", stacklevel=3)
         found.append((index, told))
     unknown = set(whose.tolist()) - set(names)
@@ -288,6 +288,53 @@ def _of_stopped_clock(reports: SelfReports) -> str:
     return (
         f"{count.max()} places of address {which:.0f} have the same time; if its clock stopped "
         "there, the target counts as silent from then on"
+    )
+
+
+def _of_units(sent: Columns, told: Told) -> Iterator[str]:
+    """Yield a sentence about each column of self-reports that seems to be in another unit."""
+    degrees = [sent[name] for name in NAMES[1] if name in sent]
+    if degrees and told.dropped["place"] > len(told.reports):
+        yield f"most places are not on the earth{_probably(NAMES[1], degrees)}"
+    for name in ("course", "heading"):
+        own = sent.get(name, np.zeros(0))
+        tenths = (own > 360.0) & (own != 511.0)  # AIS has 511 for an unknown one
+        if tenths.any():
+            yield (
+                f"{np.count_nonzero(tenths)} of {len(tenths)} values of {name} are beyond 360 "
+                "degrees, and not used; if they are tenths, divide the column by 10"
+            )
+    unknown = np.isin(sent.get("speed", np.zeros(0)), (102.3, 1023.0))
+    if unknown.any():
+        yield (
+            f"speed is 102.3 or 1023 in {np.count_nonzero(unknown)} of {len(unknown)} rows, as AIS "
+            "has it for an unknown one; leave it empty there"
+        )
+    # Of the units of speeds that others use, how many make one metre per second.
+    units = {1.944: "knots", 19.44: "tenths of a knot", 3.6: "km/h", 100.0: "cm/s"}
+    ratio = _ratio_of_speeds(told.reports)
+    for factor, unit in units.items():
+        if abs(np.log(ratio / factor)) < 0.1:
+            yield (
+                f"speeds are {ratio:.3g} times those between the places, and must be in m/s; if "
+                f"they are {unit}, divide them by {factor:g}"
+            )
+
+
+def _ratio_of_speeds(reports: SelfReports) -> float:
+    """Return the median of reported speeds over those between the places; NaN if it is unknown."""
+    order = np.lexsort((reports.time_ns, reports.address))
+    own = reports.take(order[reports.address[order] != UNKNOWN])
+    passed_s = np.diff(own.time_ns) * 1e-9
+    moved = np.hypot(*np.diff(own.position, axis=0).T)
+    said = np.hypot(*own.velocity.T)
+    # What turns, has moved little, or has been silent for long shows nothing.
+    shows = (np.diff(own.address) == 0) & (moved > 20.0) & (passed_s > 0.0) & (passed_s < 120.0)
+    shows &= np.abs(np.diff(said)) < 0.1 * said[1:]
+    return (
+        float(np.median(said[1:][shows] * passed_s[shows] / moved[shows]))
+        if shows.any()
+        else np.nan
     )
 
 

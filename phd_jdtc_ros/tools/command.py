@@ -172,7 +172,8 @@ def require_new(what: str, path: Path) -> None:
 def require_directory(path: Path, above: Path | None = None) -> None:
     """Raise `BagError` if no files can be made in a directory, or in the one `above` it."""
     if lack := output_files.why_closed(above or path, parents=True):
-        raise BagError(lack if lack.startswith(f"{path} ") else f"{path}: cannot be made, {lack}")
+        own = lack.removeprefix(f"{path} ")
+        raise BagError(f"{path}: {own if own != lack else f'cannot be made, {lack}'}")
 
 
 def recorded_parameters(

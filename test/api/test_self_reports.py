@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from harbour import KINDS, OK, PARAMETERS, turns
@@ -91,6 +93,40 @@ def test_a_clock_that_stands_still_is_named():
     reports["time"] = np.where(mine, reports["time"].min(), reports["time"])
     with pytest.warns(UserWarning, match=f"{mine.sum()} places of address 1001 .* clock"):
         Tracker(PARAMETERS).track(detections, reports)
+
+
+def _sent(**changed):
+    """Return reports of a ship to the north-east at 8 m/s, with some columns changed."""
+    time = np.arange(0.0, 200.0, 10.0)
+    step = 8.0 * np.sqrt(0.5) * time / 111_200.0
+    places = {"lat": 54.0 + step, "lon": 8.0 + step / np.cos(np.radians(54.0))}
+    ones = np.ones(len(time))
+    moving = {"speed": 8.0 * ones, "course": 45.0 * ones, "heading": 511.0 * ones}
+    sent = {"time": time, "address": 211_000_001 * ones, **places, **moving}
+    return sent | {name: change(sent[name]) for name, change in changed.items()}
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({}, None),
+        ({"course": lambda own: 10.0 * own}, "20 of 20 values of course are beyond 360 .* tenths"),
+        ({"heading": lambda own: own - 60.0}, "20 of 20 values of heading are beyond 360"),
+        ({"speed": lambda own: 1.944 * own}, "1.94 times .* if they are knots, divide"),
+        ({"speed": lambda own: 19.44 * own}, "19.4 times .* if they are tenths of a knot"),
+        ({"speed": lambda own: 3.6 * own}, "3.[56].* times .* if they are km/h"),
+        ({"speed": lambda own: np.where(own.cumsum() < 17.0, 102.3, own)}, "102.3 or 1023 in 2 of"),
+        ({"lat": lambda own: 6e5 * own, "lon": lambda own: 6e5 * own}, "1/10000 minutes: divide"),
+        ({"lat": lambda own: 1e7 * own, "lon": lambda own: 1e7 * own}, "1e-7 degrees: divide"),
+    ],
+)
+def test_reports_in_other_units_are_named(changed, said, recwarn):
+    origin = {"world_origin": [54.0, 8.0, 0.0], "interval_s": 2.0}
+    config = resolve({"sensors": ["ais"], "ais.kind": "reports", **origin}, SystemPlane)
+    told_of(columns_of(_sent(**changed)), config)
+    assert len(recwarn) == (said is not None)
+    if said is not None:
+        assert re.search(said, str(recwarn[0].message))
 
 
 def test_reports_alone_are_tracked():
