@@ -242,6 +242,8 @@ LARGEST_PART, LONGEST_STEP_S = 0.25, 15.0
 # Value of `Assembler.hold` for which reports are held back for the largest plot delay of the last
 # MEMORY_NS, in sectors: an eighth of a revolution at first, a quarter at most.
 LEARNED = -1
+# A revolution that differs from the mean by more than this share is of another speed.
+OTHER_SPEED = 0.1
 # Plausible rotation periods, seconds.
 SHORTEST_REVOLUTION_S, LONGEST_REVOLUTION_S = 0.3, 60.0
 
@@ -283,6 +285,10 @@ class Assembler:
         # otherwise.
         self._phase, self._phase_ns = math.nan, 0
         self._begin: tuple[float, int] | None = None
+        # Azimuths and times of the latest ends of revolutions, and the parts that have ended: when,
+        # and their rotation periods.
+        self._turns: list[tuple[float, int]] = []
+        self._ended: list[tuple[int, float]] = []
         # Number of the last sector end passed, and the times of the ends that are not reported yet.
         self._passed = 0
         self._ends_ns: deque[int] = deque()
@@ -306,12 +312,29 @@ class Assembler:
         return found_s if _is_revolution(found_s) else self.rotation_s
 
     @property
+    def longest_revolution_s(self) -> float:
+        """The longest of the rotation periods that the antenna has had, s; 0 if unknown."""
+        return max((period_s for _, period_s in self.parts), default=self.revolution_s)
+
+    @property
+    def parts(self) -> list[tuple[int, float]]:
+        """When each part of another rotation period has ended, by its crossings, and its period.
+
+        Times are nanoseconds since the epoch, and periods seconds.
+        """
+        found: list[tuple[int, float]] = []
+        for end_ns, period_s in [*self._ended, (self._phase_ns, self._measured_revolution_s)]:
+            if found and period_s and not _differ(found[-1][1], period_s):
+                found.pop()
+            found += [(end_ns, period_s)] if period_s else []
+        return found
+
+    @property
     def _measured_revolution_s(self) -> float:
         """Rotation period by sector crossings, seconds; 0 if unknown."""
-        phase, begin_ns = self._begin or (math.nan, 0)
-        turned = self._phase - phase
-        if turned >= 0.5 * FULL_TURN:
-            revolution_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
+        begin = self._begin or (math.nan, 0)
+        if self._phase - begin[0] >= 0.5 * FULL_TURN:
+            revolution_s = _period_s(begin, (self._phase, self._phase_ns))
             if _is_revolution(revolution_s):
                 return revolution_s
         return 0.0
@@ -410,6 +433,7 @@ class Assembler:
         oldest_ns = time_ns - round(0.5e9 * self.revolution_s) if self.revolution_s else 0
         self._phase, self._phase_ns = azimuth, time_ns
         self._begin = azimuth, time_ns
+        self._turns = [self._begin]
         self._passed = self._last_end(azimuth)
         for own_ns, plot in self._slicer.take():
             if own_ns >= oldest_ns and math.remainder(plot.azimuth - azimuth, FULL_TURN) > 0.0:
@@ -429,6 +453,7 @@ class Assembler:
         self.counts["revolutions_lost"] += 1
         # Keep the last known rotation period.
         self.rotation_s = self._slicer.rotation_s = self.revolution_s
+        self._ended.append((self._phase_ns, self._measured_revolution_s))
         found = self.finish()
         self._phase, self._begin = math.nan, None
         return found
@@ -446,8 +471,28 @@ class Assembler:
         self.counts["sectors_bridged"] += max(last - self._passed - 1, 0)
         self._pass(last, step, time_ns)
         self._phase, self._phase_ns = self._phase + step, time_ns
+        self._note_speed()
         hold = self._delay.value if self.hold == LEARNED else self.hold
         return [self._close() for _ in range(len(self._ends_ns) - hold)]
+
+    def _note_speed(self) -> None:
+        """Begin the mean of the rotation period again where two revolutions have another one.
+
+        The first of them may still be of both speeds, and is left out.
+        """
+        turns = self._turns
+        if self._phase - turns[-1][0] < FULL_TURN:
+            return
+        turns.append((self._phase, self._phase_ns))
+        if len(turns) > 4:
+            mean_s = _period_s(turns[0], turns[-4])
+            before_s, last_s = _period_s(turns[-3], turns[-2]), _period_s(turns[-2], turns[-1])
+            if _differ(mean_s, before_s) and _differ(mean_s, last_s):
+                if not _differ(before_s, last_s):
+                    self._ended.append((turns[-4][1], mean_s))
+                    self._begin, self._turns = turns[-2], turns[-2:]
+            else:
+                del turns[1:-4]
 
     def _last_end(self, azimuth: float) -> int:
         """Return the number of the last sector end that the antenna has passed at an azimuth."""
@@ -514,6 +559,15 @@ class Assembler:
 def _is_revolution(time_s: float) -> bool:
     """Return whether a rotation period is plausible, seconds."""
     return SHORTEST_REVOLUTION_S <= time_s <= LONGEST_REVOLUTION_S
+
+
+def _period_s(begin: tuple[float, int], end: tuple[float, int]) -> float:
+    """Return the rotation period, seconds, by two azimuths with their times."""
+    return (end[1] - begin[1]) * 1e-9 * FULL_TURN / (end[0] - begin[0])
+
+
+def _differ(one_s: float, other_s: float) -> bool:
+    return abs(other_s / one_s - 1.0) > OTHER_SPEED if one_s else True
 
 
 def _number_of(entry: tuple[int, int, Plot]) -> int:

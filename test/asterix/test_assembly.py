@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 
 from phd_jdtc_ros.asterix import assembly
@@ -111,6 +112,32 @@ def test_plots_after_ended_crossings_are_in_slices_of_their_time(end_deg):
     assert stamps == sorted(set(stamps))
     assert stamps[-1] < at(end_deg) + NS // 2
     assert all(abs(report.stamp_ns - time) <= NS for report in found for time in report.times_ns)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 30.0])
+@pytest.mark.parametrize(("first_s", "second_s"), [(4.0, 12.0), (12.0, 4.0), (4.0, 4.8)])
+def test_a_changed_revolution_is_followed_and_its_parts_are_named(first_s, second_s, pause_s):
+    assembler, time_ns, stamps = Assembler(32), 1000 * NS, []
+    for k in range(32 * 20 + 1):
+        stamps += [r.stamp_ns for r in assembler.add_service(crossing(11.25 * k), time_ns)]
+        # It changes in the middle of a revolution.
+        time_ns += round((first_s if k < 32 * 10 + 11 else second_s) / 32 * NS)
+        time_ns += round(pause_s * NS) if k == 32 * 10 + 11 else 0
+    assert assembler.revolution_s == pytest.approx(second_s, rel=1e-3)
+    assert assembler.longest_revolution_s == pytest.approx(max(first_s, second_s), rel=1e-3)
+    (end_ns, before_s), (_, after_s) = assembler.parts
+    assert (before_s, after_s) == pytest.approx((first_s, second_s), rel=1e-3)
+    assert 1000 + 9 * first_s <= end_ns / NS <= 1000 + 11 * first_s
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_revolution_that_wind_disturbs_has_one_part():
+    rng, assembler, time_ns = np.random.default_rng(3), Assembler(32), 1000 * NS
+    for k in range(32 * 30):
+        assembler.add_service(crossing(11.25 * k), time_ns)
+        time_ns += round(4.0 * (1.0 + 0.03 * np.sin(k / 200.0)) / 32 * NS)
+        time_ns += round(0.2 * NS * rng.random()) if k % 97 == 0 else 0
+    assert len(assembler.parts) == 1
 
 
 def test_lost_crossings_are_bridged_and_long_gaps_not_invented():

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -91,6 +92,15 @@ class Conversion:
                 yield (
                     f"{name}: messages of two sources, {own} and {state.other_source}: messages of "
                     "the second are left out"
+                )
+            if len(parts := state.assembler.parts) > 1:
+                listed = ", ".join(
+                    f"{period_s:.4f} s until {datetime.fromtimestamp(ns // 10**9, timezone.utc):%T}"
+                    for ns, period_s in parts
+                )
+                yield (
+                    f"{name}: its revolution has changed: {listed}; the parameters have the "
+                    "longest; track the parts one by one for the best tracks"
                 )
             shift_s = state.clock.shift_ns * 1e-9
             if shift_s:

@@ -184,10 +184,11 @@ def _set_layout(proposed: Proposal, state: RadarState) -> None:
             proposed.set(f"{radar}.fields.{quantity}", column, origin)
     assembler = state.assembler
     by_sector = assembler.by_sector > assembler.by_time
-    revolution_s = round(assembler.revolution_s, 4)
+    revolution_s = round(assembler.longest_revolution_s, 4)
     if by_sector:
         proposed.values[f"{radar}.fields.sector"] = "sector"
-        origin = "mean of its revolutions, from its sector crossings"
+        changed = "; it has changed, and this is the longest" if len(assembler.parts) > 1 else ""
+        origin = f"mean of its revolutions, from its sector crossings{changed}"
     elif assembler.finder.revolution_s:
         origin = "mean of its revolutions, from azimuths and times of its plots"
     elif revolution_s:
@@ -288,7 +289,7 @@ def add_receivers(proposed: Proposal, states: Sequence[RadarState]) -> None:
 
 def _set_times(proposed: Proposal, together: Sequence[RadarState]) -> None:
     """Set the times that depend on the longest revolution."""
-    revolution_s = max(round(state.assembler.revolution_s, 4) for state in together)
+    revolution_s = max(round(state.assembler.longest_revolution_s, 4) for state in together)
     if revolution_s:
         proposed.set("interval_s", revolution_s, "the longest revolution")
         proposed.set("estimates_period_s", revolution_s, "the longest revolution")
