@@ -46,6 +46,7 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
 
 def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
     """Write the summary, the tables and the pictures; return the paths."""
+    directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
     text = directory / "table.md"

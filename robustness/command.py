@@ -134,6 +134,7 @@ def table(title: str, figures: Sequence[Figure]) -> Table:
 
 def write(figures: Sequence[Figure], directory: Path, elapsed_s: float) -> Path:
     """Write the summary; return its path."""
+    directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     summary = {
         "figures": [figure.as_dict() for figure in figures],
