@@ -8,7 +8,7 @@
       |  connected targets and detections     clusters
       |  the order of a cluster's edges        planning
       |  sums over all matchings               frontier
-      |  clusters beyond all bounds            marginals, by belief propagation
+      |  clusters beyond all bounds            belief_propagation
     probability of every edge, and of no detection
       |  factors on the rows' weights        shares
 

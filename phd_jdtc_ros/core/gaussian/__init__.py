@@ -12,7 +12,7 @@ The path of one scan, with the module of each step::
       |    p_D and amplitudes                  measurement.amplitude
       |    select the likely pairs             measurement.likely_pairs, pairs
       |    iterated Kalman update              measurement.iterated_update, algebra.kalman
-      |      heights, rates, velocities          measurement.heights, algebra.range_rate
+      |      heights, rates, velocities          measurement.heights, velocity, algebra.range_rate
       |    associate                           measurement.pair_association, core.association
       |    keep the probable hypotheses        measurement.pair_association, missed
       |    give birth at detections            measurement.newborn

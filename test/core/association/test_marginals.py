@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from matchings import enumerated
 
+from phd_jdtc_ros.core.association import belief_propagation
 from phd_jdtc_ros.core.association import marginals as module
-from phd_jdtc_ros.core.association.marginals import propagate, rounds
+from phd_jdtc_ros.core.association.belief_propagation import propagate, rounds
 
 
 class Marginals(NamedTuple):
@@ -280,7 +281,7 @@ def test_propagation_of_extreme_odds_is_finite(scale):
 
 
 def test_rounds_are_fewer_for_many_edges():
-    most = module.MOST_MESSAGES
+    most = belief_propagation.MOST_WORK
     assert rounds(0) == rounds(most // 200) == 200
     assert rounds(most // 50) == 50
     assert rounds(most) == 10

@@ -12,7 +12,8 @@ from ...sensors.view import View
 from ...state_space import SPATIAL
 from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
-from .heights import FurtherUpdate, coarse_heights, update_heights, update_velocities
+from .heights import coarse_heights, update_heights
+from .velocity import FurtherUpdate, update_velocities
 
 
 class PairUpdate(NamedTuple):

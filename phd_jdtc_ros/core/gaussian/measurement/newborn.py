@@ -15,7 +15,7 @@ from ..algebra import range_rate
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .amplitude import log_amplitude
-from .heights import update_velocities
+from .velocity import update_velocities
 
 # Folds of a range rate beyond this many standard deviations of the birth velocity are left out.
 BIRTH_SIGMA = 5.0

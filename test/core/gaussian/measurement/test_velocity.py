@@ -11,9 +11,9 @@ from scipy.stats import multivariate_normal
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement.heights import update_velocities
 from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_further, iterated_update
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
+from phd_jdtc_ros.core.gaussian.measurement.velocity import update_velocities
 from phd_jdtc_ros.core.models.detection_birth import Newborn
 from phd_jdtc_ros.core.sensors.gaussians import SPAN, HeightPrior, ReportedHeights
 from phd_jdtc_ros.core.sensors.range_rate import VelocityModel
