@@ -21,7 +21,6 @@ from ..association.evidence import NoiseEvidence, OutlierEvidence, PairEvidence
 from ..sensors.sensor import Sensor
 from ..sensors.view import View
 from ..snapshot import Snapshot, restored, stored_fields, to_snapshot
-from ..types import Detections
 
 # Lower bound of the existence probabilities by which others are divided.
 LEAST_EXISTENCE = 1e-12
@@ -112,7 +111,7 @@ class Look:
     targets: Targets  # Before the report
     association: Association
     born: IntArray  # Labels of the targets born at some of its detections, ascending, (B,)
-    born_at: Detections | None  # These detections; None without any
+    born_at: IntArray  # Rows of these detections, (B,)
 
     @cached_property
     def probability(self) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..bisection import count_below
-from ..compilation import Float1, Int1, compiled, inner
+from ..compilation import Float1, Float2, Int1, compiled, inner
 from .trials import Alarm, FactorPriors, LearnedFactors, ReportTrials, Trials, TrialSums
 
 
@@ -193,3 +193,99 @@ def add_detections(
             unseen_after[written] = (unseen[row] if is_known else 1.0) * (1.0 - detected[index])
             row, written = row + is_known, written + 1
     return labels[:written].copy(), unseen_after[:written].copy(), stamps[:written].copy()
+
+
+@inner
+def _log_posterior(
+    log_ratio: FloatArray, count: FloatArray, precision: FloatArray, share: FloatArray
+) -> tuple[float, FloatArray, FloatArray, float]:
+    """Return the log posterior density of a law, its gradient, (K,), and minus its Hessian.
+
+    The last result is the log integral of the law, by which it is normalised. For the arguments see
+    `most_probable_density`. The log posterior is relative to that of the given density.
+    """
+    nodes, (parts, points) = len(log_ratio), share.shape
+    first, second, mass = np.zeros(nodes), np.zeros((nodes, nodes)), 0.0
+    for node in range(parts):
+        for point in range(points):
+            above = (point + 0.5) / points
+            below = 1.0 - above
+            probability = share[node, point] * math.exp(
+                below * log_ratio[node] + above * log_ratio[node + 1]
+            )
+            mass += probability
+            first[node] += below * probability
+            first[node + 1] += above * probability
+            second[node, node] += below * below * probability
+            second[node + 1, node + 1] += above * above * probability
+            second[node, node + 1] += below * above * probability
+            second[node + 1, node] += below * above * probability
+    total, value, gradient = count.sum(), 0.0, np.zeros(nodes)
+    for node in range(nodes):
+        for other in range(nodes):
+            gradient[node] -= precision[node, other] * log_ratio[other]
+            spread = second[node, other] - first[node] * first[other] / mass
+            second[node, other] = precision[node, other] + total * spread / mass
+        value += log_ratio[node] * (count[node] + 0.5 * gradient[node])
+        gradient[node] += count[node] - total * first[node] / mass
+    log_mass = math.log(mass)
+    return value - total * log_mass, gradient, second, log_mass
+
+
+@inner
+def _solved(matrix: FloatArray, right: FloatArray) -> tuple[float, FloatArray]:
+    """Return the log determinant of a positive matrix, and the solution of a linear equation."""
+    size, root, solution, log_determinant = len(matrix), matrix.copy(), right.copy(), 0.0
+    for row in range(size):
+        for column in range(row + 1):
+            for before in range(column):
+                root[row, column] -= root[row, before] * root[column, before]
+            if column < row:
+                root[row, column] /= root[column, column]
+        root[row, row] = math.sqrt(root[row, row])
+        log_determinant += 2.0 * math.log(root[row, row])
+        for before in range(row):
+            solution[row] -= root[row, before] * solution[before]
+        solution[row] /= root[row, row]
+    for row in range(size - 1, -1, -1):
+        for after in range(row + 1, size):
+            solution[row] -= root[after, row] * solution[after]
+        solution[row] /= root[row, row]
+    return log_determinant, solution
+
+
+@compiled
+def most_probable_density(
+    count: Float1, precision: Float2, share: Float2
+) -> tuple[float, FloatArray]:
+    """Return the log odds of a density that is learned against the given one, and its log ratio.
+
+    The log ratio is linear between K nodes. It is the most probable one, by Newton's method, and
+    the odds follow from the curvature there (Laplace's approximation).
+
+    Parameters
+    ----------
+    count : float array of shape (K,)
+        Number of samples of each node; one between two nodes counts at both, by its place.
+    precision : float array of shape (K, K)
+        Inverse of the prior covariance of the log ratio at the nodes; its mean is 0.
+    share : float array of shape (K - 1, P)
+        Probability of each of P equal parts between two nodes, by the given density.
+    """
+    log_ratio = np.zeros(len(count))
+    found = _log_posterior(log_ratio, count, precision, share)
+    value, gradient, curvature, log_mass = found
+    prior_determinant, _ = _solved(precision, gradient)
+    determinant, step = _solved(curvature, gradient)
+    # The posterior density has one maximum, and halved steps rise to it.
+    scale = 1.0
+    while scale * (gradient * step).sum() > 1e-9:
+        further = log_ratio + scale * step
+        found = _log_posterior(further, count, precision, share)
+        if found[0] > value:
+            log_ratio, scale = further, 1.0
+            value, gradient, curvature, log_mass = found
+            determinant, step = _solved(curvature, gradient)
+        else:
+            scale *= 0.5
+    return value + 0.5 * (prior_determinant - determinant), log_ratio - log_mass

@@ -103,18 +103,19 @@ class GaussianSteps:
 
     def with_newborns(
         self, rows: Branched, newborns: tuple[Newborn, ...], label: int
-    ) -> tuple[Branched, IntArray, Detections | None]:
+    ) -> tuple[Branched, IntArray, IntArray]:
         """Return the hypotheses with those of targets born at detections, numbered from `label`.
 
-        The further results are the labels of these targets, and their detections.
+        The further results are the labels of these targets, and the rows of their detections.
         """
         if not newborns or not len(newborns[0]):
-            return rows, np.zeros(0, dtype=np.int64), None
+            none = np.zeros(0, dtype=np.int64)
+            return rows, none, none
         (newborn,) = newborns
         added = newborn_mixture(newborn, self.dynamics, label)
         parent = np.concatenate([rows.parent, np.full(len(added), -1)])
         joined = Branched(Mixture.concatenate([rows.mixture, added]), parent)
-        return joined, label + np.arange(len(newborn)), newborn.report.detections
+        return joined, label + np.arange(len(newborn)), newborn.row
 
 
 @dataclass(frozen=True)

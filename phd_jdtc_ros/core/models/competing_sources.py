@@ -48,7 +48,7 @@ class CompetingSources:
         unknown = (1.0 - claimed) * self.intensity[1:] / np.where(total > 0.0, total, 1.0)
         mass = unknown.T
         rows = (mass.sum(axis=1) >= least_mass).nonzero()[0]
-        return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows])
+        return Newborn(report if len(rows) == len(mass) else report.take(rows), mass[rows], rows)
 
 
 def log_intensities(

@@ -144,15 +144,16 @@ class DetectionBirthModel(ReadOnly):
 class Newborn:
     """Possible new targets at the detections of one report."""
 
-    report: View  # The report with the M detections
+    report: View  # The report with these M detections
     mass: FloatArray  # Probability that each detection is a new target of each class, (M, C)
+    row: IntArray  # Row of each among all detections of the report, (M,)
 
     def __len__(self) -> int:
         return len(self.mass)
 
     def take(self, rows: IntArray) -> Newborn:
         """Return the newborn targets of these rows."""
-        return Newborn(self.report.take(rows), self.mass[rows])
+        return Newborn(self.report.take(rows), self.mass[rows], self.row[rows])
 
 
 def missed_by(reports: Sequence[View], position: FloatArray, modes: ModeSpace) -> FloatArray:

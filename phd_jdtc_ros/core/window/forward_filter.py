@@ -40,6 +40,7 @@ class Progress(NamedTuple):
     born_ns: Annotated[IntArray, integers("B", 0, MAX_STAMP_NS)]
     # Stamps of the sets that later scans continue, (Q,).
     unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
+    entries_kept: Annotated[int, integers("", 0)]  # See `Factors.entries_kept`
 
 
 @dataclass
@@ -183,6 +184,7 @@ class ForwardFilter:
             np.array([*self._born_ns], dtype=np.int64),
             np.array([*self._born_ns.values()], dtype=np.int64),
             np.array([rows.entry.stamp_ns for rows in self.unswept], dtype=np.int64),
+            self.factors.entries_kept,
         )
         to_snapshot(progress, snapshot, "filter")
         for rows in self.unswept:
@@ -202,7 +204,8 @@ class ForwardFilter:
         if stamps[-1:] != ([] if latest is None else [latest]):
             raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
-        self.factors = self._configured_factors.restored(snapshot, self.model.radars)
+        factors = self._configured_factors.restored(snapshot, self.model.radars)
+        self.factors = factors.changed(entries_kept=progress.entries_kept)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
         self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
 

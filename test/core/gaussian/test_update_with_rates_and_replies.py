@@ -74,8 +74,8 @@ class Register:
         found = look.association
         if found.evidence is not None:
             self.learned.append((found.evidence.column, found.pair_probability, found.existence))
-        if look.born_at is not None:
-            self.newborn.append((look.born, look.born_at))
+        if len(look.born):
+            self.newborn.append((look.born, look.view.detections.take(look.born_at)))
         return self
 
 

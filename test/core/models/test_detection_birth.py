@@ -159,10 +159,11 @@ def test_unknown_targets_that_no_earlier_radar_could_see_are_as_many(first, give
 def test_missed_by_is_the_product_of_the_radars_that_looked_of_what_they_took_in():
     model = small({"radar_1.detection_probability": 0.7}).model
     place = np.array([[6e3, 0.0], [0.0, 5e3]])
-    nothing, none = Detections(np.zeros((0, 2)), None), np.zeros((0, 2))
+    nothing = Detections(np.zeros((0, 2)), None)
+    none = np.zeros((0, 2)), np.zeros(0, dtype=int)
     ahead = replace(nothing, coverage=Coverage(-1.0, 2.0))
-    first = Newborn(View.of(model.radars[0], nothing, share=0.5), none)
-    second = Newborn(View.of(model.radars[1], ahead), none)
+    first = Newborn(View.of(model.radars[0], nothing, share=0.5), *none)
+    second = Newborn(View.of(model.radars[1], ahead), *none)
     p_d = of_classes(model.radars[1].threshold, MODES.classes)
     missed = detection_birth.missed_by((first.report, second.report), place, MODES)
     np.testing.assert_allclose(missed[:, 0], 0.65 * (1.0 - p_d), rtol=1e-12)

@@ -214,9 +214,10 @@ class Transponders(ReadOnly):
             updated, restarted = evidence.after(found.pair_probability, found.existence, stamp_ns)
             beliefs = self.changed(history=self.history.without(restarted))
             beliefs = beliefs.with_records(updated, stamp_ns)
-        if look.born_at is None:
+        if not len(look.born):
             return beliefs
-        return beliefs._initiated(look.born, look.born_at, stamp_ns)
+        born_at = look.view.detections.take(look.born_at)
+        return beliefs._initiated(look.born, born_at, stamp_ns)
 
     def _initiated(self, label: IntArray, detections: Detections, stamp_ns: int) -> Transponders:
         """Return the beliefs with those about targets born at detections, (B,)."""

@@ -7,7 +7,7 @@ from scipy.integrate import trapezoid
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.factors import ClutterRanges
-from phd_jdtc_ros.core.factors.clutter.ranges import NODES
+from phd_jdtc_ros.core.factors.clutter.ranges import NODES, _precision
 from phd_jdtc_ros.core.sensors.view import View
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
@@ -38,25 +38,32 @@ def test_the_density_integrates_to_one_whatever_was_learned(table):
 
 
 @pytest.mark.parametrize("table", [GIVEN, UNIFORM])
-def test_both_laws_are_weighed_by_how_well_they_predicted_each_detection(table):
-    """The marginal likelihoods are products of predictions, one detection after the other."""
-    law = ClutterRanges.of_table(True, LIMITS, table)
-    nodes = np.random.default_rng(4).choice(NODES, 12, p=np.arange(NODES, 0, -1) / 78.0)
-    hats = np.array([np.interp(POINTS, PLACES, row) for row in np.eye(NODES)])
-    hats[:, [0, -1]] *= 0.5  # The trapezoidal rule
-    density = hats @ np.interp(POINTS, *table) if table[0] else hats.sum(axis=1)
-    share = density / density.sum()
-    seen, of_given, of_learned = np.zeros(NODES), 1.0, 1.0
-    for node in nodes:
-        of_given *= share[node]
-        of_learned *= (share[node] + seen[node]) / (1.0 + seen.sum())
-        seen[node] += 1.0
-    expected = of_given / (of_given + of_learned)
-    # The memory of few detections is almost complete.
-    given, change = after(law, PLACES[nodes])._learned
-    assert given == pytest.approx(expected, rel=0.05)
-    predicted = (share + seen) / (1.0 + seen.sum())
-    np.testing.assert_allclose(change * share, predicted, rtol=0.02)
+def test_both_laws_are_weighed_by_their_marginal_likelihoods(table):
+    """That of the learned law is the mean likelihood of laws that are drawn from its prior."""
+    law, rng = ClutterRanges.of_table(True, LIMITS, table), np.random.default_rng(4)
+    found = after(law, rng.uniform(*LIMITS, 10))
+    coarse = np.linspace(*LIMITS, 2_000)
+    hats = np.array([np.interp(coarse, PLACES, row) for row in np.eye(NODES)])
+    given = np.exp(law.log_ratio(coarse))
+    # The covariance of changes from node to node is that of bends and of the mean change.
+    drawn = rng.multivariate_normal(np.zeros(NODES), np.linalg.inv(_precision()), 20_000)
+    mean = (np.exp(drawn @ hats) * given).mean(axis=1) / given.mean()
+    log_likelihood = drawn @ found.count - found.count.sum() * np.log(mean)
+    probability = found._learned[0]
+    expected = np.log(np.exp(log_likelihood).mean())
+    assert np.log((1.0 - probability) / probability) == pytest.approx(expected, abs=0.2)
+
+
+def test_few_detections_show_a_smooth_law():
+    """Nodes without detections follow those beside them."""
+    rng, probe = np.random.default_rng(11), np.linspace(8e3, 19e3, 50)
+    error = []
+    for _ in range(20):
+        law = after(ClutterRanges.of_table(True, LIMITS, UNIFORM), exponential(rng, 40))
+        true = (LIMITS[1] - LIMITS[0]) / 3e3 * np.exp(-(probe - LIMITS[0]) / 3e3)
+        error.append(law.log_ratio(probe) - np.log(true))
+    assert abs(np.mean(error)) < 0.2
+    assert np.std(error) < 0.8
 
 
 def test_clutter_of_the_sea_is_known_after_two_looks():

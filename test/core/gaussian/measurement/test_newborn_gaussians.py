@@ -52,7 +52,7 @@ def born(config, detections, mass=None):
     """Return the mixture of targets born at these detections, with origins from 100 on."""
     classes = len(config.model.modes.classes)
     mass = np.full((len(detections), classes), 0.3) if mass is None else np.asarray(mass)
-    newborn = Newborn(View.of(config.model.radars[0], detections), mass)
+    newborn = Newborn(View.of(config.model.radars[0], detections), mass, np.arange(len(mass)))
     return newborn_mixture(newborn, Dynamics(config.model), 100)
 
 

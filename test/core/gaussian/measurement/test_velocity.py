@@ -146,7 +146,7 @@ def test_target_is_born_with_its_velocity():
     world = np.array([[3.0, -4.0], [np.nan, np.nan]])
     seen = Detections(np.zeros((2, 2)), None, velocity=world @ TURN.T)
     report = View.of(SENSOR, seen)
-    found = newborn_mixture(Newborn(report, np.ones((2, 1))), Dynamics(model), 7)
+    found = newborn_mixture(Newborn(report, np.ones((2, 1)), np.arange(2)), Dynamics(model), 7)
     share = BIRTH_STD**2 / (BIRTH_STD**2 + SPEED_STD**2)
     assert_allclose(found.mean[0, 0, [1, 3]], share * world[0], rtol=1e-9)
     assert_allclose(found.covariance[0, 0, [1, 3], [1, 3]], share * SPEED_STD**2, rtol=1e-9)
