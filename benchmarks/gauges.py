@@ -46,8 +46,8 @@ MANY = 9  # Number of parameters from which a function has too many
 WARM_SCANS = 12  # Scans before the traced one
 
 LIMITS: Mapping[str, float] = {
-    "lines of the product": 78_397,
-    "files of the product": 416,
+    "lines of the product": 78_855,
+    "files of the product": 417,
     "declared parameters": 148,
     "constants of modules per 1,000 lines": 11.9,
     f"functions with {MANY} parameters or more": 1,

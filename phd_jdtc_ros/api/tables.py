@@ -273,7 +273,7 @@ def _require_fine(name: str, column: Column, seconds: FloatArray) -> None:
     """Raise `ValueError` if times are rounded as coarsely as they follow, or digits of a clock."""
     latest, steps = seconds.max(), np.diff(np.unique(seconds))
     usual = float(np.median(steps)) if len(steps) else LONGEST_STEP_S
-    if _are_digits(seconds):
+    if len(steps) and _are_digits(seconds):
         raise ValueError(
             f"{name}: {seconds[0]:.15g} in the first row, and none is 60 to 99 after a multiple of "
             "100: probably hours, minutes and seconds in one number; must be seconds, dates, or "
