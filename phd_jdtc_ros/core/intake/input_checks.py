@@ -345,8 +345,8 @@ class RadarReportCheck(ReportCheck):
 
 def _among(measurement: FloatArray, others: FloatArray) -> BoolArray:
     """Return which measurements, (M, Z), are exactly one of others, (K, Z)."""
-    equal = (measurement[:, None] == others).all(axis=2)
-    return np.asarray(equal.any(axis=1), dtype=np.bool_)
+    known = {*map(tuple, others.tolist())}
+    return np.array([tuple(row) in known for row in measurement.tolist()], dtype=np.bool_)
 
 
 def is_copy(found: Detections, before: Detections) -> bool:
